@@ -92,32 +92,34 @@ fn power(origin: DVec3, direction: DVec3) -> f32 {
 }
 
 /// A keyframe of the room as seen by the two cameras.
-pub fn keyframe(index: usize, world_from_camera: Rigid3, optical: &Pinhole, rf: &Pinhole, textured: bool) -> Keyframe {
+pub fn keyframe(index: usize, world_from_camera: Rigid3, light: &Pinhole, radio: &Pinhole, textured: bool) -> Keyframe {
     let origin = world_from_camera.translation;
     let ray = |c: &Pinhole, u: f64, v: f64| world_from_camera.transform_vector(c.unproject(u, v));
-    let image = Raster::from_fn(optical.width, optical.height, |x, y| {
+    let image = Raster::from_fn(light.width, light.height, |x, y| {
         let mut sum = [0.0; 3];
         for s in 0..SUPERSAMPLES * SUPERSAMPLES {
             let at = |k: usize| (0.5 + k as f64) / SUPERSAMPLES as f64;
-            let hit = intersect(origin, ray(optical, x as f64 + at(s % SUPERSAMPLES), y as f64 + at(s / SUPERSAMPLES)));
+            let hit = intersect(origin, ray(light, x as f64 + at(s % SUPERSAMPLES), y as f64 + at(s / SUPERSAMPLES)));
             texture(&hit, textured).iter().zip(&mut sum).for_each(|(c, s)| *s += c);
         }
         sum.map(|c| color::quantize8((c / (SUPERSAMPLES * SUPERSAMPLES) as f64) as f32))
     });
     // The ray has z = 1 in the camera frame, so the parameter is the z-depth.
-    let hit = |x: usize, y: usize| intersect(origin, ray(optical, x as f64 + 0.5, y as f64 + 0.5));
+    let hit = |x: usize, y: usize| intersect(origin, ray(light, x as f64 + 0.5, y as f64 + 0.5));
     Keyframe {
         index,
         time_s: index as f64 * 0.1,
         world_from_camera,
         light: Some(Light {
             image,
-            depth_m: Some(Raster::from_fn(optical.width, optical.height, |x, y| hit(x, y).t as f32)),
-            surface: Some(Raster::from_fn(optical.width, optical.height, |x, y| hit(x, y).surface)),
+            depth_m: Some(Raster::from_fn(light.width, light.height, |x, y| hit(x, y).t as f32)),
+            surface: Some(Raster::from_fn(light.width, light.height, |x, y| hit(x, y).surface)),
             mask: None,
         }),
         radio: Some(Radio {
-            spectrum: Raster::from_fn(rf.width, rf.height, |x, y| power(origin, ray(rf, x as f64 + 0.5, y as f64 + 0.5))),
+            spectrum: Raster::from_fn(radio.width, radio.height, |x, y| {
+                power(origin, ray(radio, x as f64 + 0.5, y as f64 + 0.5))
+            }),
         }),
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::files::{parts, put};
 use anyhow::Result;
-use corf_scene::capture::{self, Format, ImportOptions, RfCamera};
+use corf_scene::capture::{self, Format, ImportOptions, RadioCamera};
 use corf_scene::dataset::stem;
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Raster, io};
@@ -79,7 +79,7 @@ pub(crate) fn rf_3dgs_lists(bytes: &[u8], folder: &Path) -> Result<()> {
     let [train, test] = parts(bytes);
     put(folder, "train_index.txt", train)?;
     put(folder, "test_index.txt", test)?;
-    examine(&ImportOptions { rf_db: Some(LEVELS), ..ImportOptions::new(Format::Rf3dgs, folder) })
+    examine(&ImportOptions { radio_db: Some(LEVELS), ..ImportOptions::new(Format::Rf3dgs, folder) })
 }
 
 /// Both pictures with one spectrum.
@@ -92,9 +92,9 @@ fn spectrum(bytes: &[u8], folder: &Path, ending: &str) -> Result<()> {
     }
     let options = ImportOptions::new(Format::Colmap, folder);
     examine(&ImportOptions {
-        rf: Some(spectra),
-        rf_camera: Some(RfCamera::HorizontalFovDeg(90.0)),
-        rf_db: (ending == "png").then_some(LEVELS),
+        radio: Some(spectra),
+        radio_camera: Some(RadioCamera::HorizontalFovDeg(90.0)),
+        radio_db: (ending == "png").then_some(LEVELS),
         ..options
     })
 }

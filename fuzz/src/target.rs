@@ -115,7 +115,7 @@ fn check(scene: &corf_scene::Scene) {
         assert!((t.material as usize) < scene.materials.len() && (t.object as usize) < scene.objects.len());
     }
     for m in &scene.materials {
-        let o = &m.optical;
+        let o = &m.light;
         for t in [o.base_color_texture, o.metallic_roughness_texture, o.normal_texture, o.emissive_texture].into_iter().flatten()
         {
             assert!((t.texture as usize) < scene.textures.len(), "a material leads to no texture");
@@ -202,7 +202,7 @@ fn scene_toml(bytes: &[u8], _: &Path) -> Result<()> {
 fn dataset_toml(bytes: &[u8], _: &Path) -> Result<()> {
     let config: DatasetConfig = from_toml(utf8(bytes)?, "input.toml")?;
     config.validate()?;
-    let _: [Pinhole; 2] = [config.optical_camera(), config.rf_camera()];
+    let _: [Pinhole; 2] = [config.light_camera(), config.radio_camera()];
     config.to_toml()?;
     Ok(())
 }
@@ -224,7 +224,7 @@ fn dataset(bytes: &[u8], folder: &Path) -> Result<()> {
     put(folder, "dataset.json", header)?;
     put(folder, "trajectory.json", trajectory)?;
     let dataset = Dataset::open(folder)?;
-    let _ = (dataset.optical_camera(), dataset.rf_camera(), dataset.train_indices().len());
+    let _ = (dataset.light_camera(), dataset.radio_camera(), dataset.train_indices().len());
     Ok(())
 }
 

@@ -36,7 +36,7 @@ fn bytes(run: &Path, file: &str) -> Vec<u8> {
 }
 
 #[test]
-fn both_rows_reconstruct_evaluate_and_render_and_differ_in_rf_alone() {
+fn both_rows_reconstruct_evaluate_and_render_and_differ_in_radio_alone() {
     let folder = tempfile::tempdir().unwrap();
     let place = |name: &str| -> PathBuf { folder.path().join(name) };
     let info = run("rf-3dgs", &place("published"), &["--threads", "1"]);

@@ -12,20 +12,20 @@ const LIBRARY: &str = "CORF_OIDN_LIBRARY";
 const GUIDES: &str = "write_albedo = true\nwrite_normals = true\nwrite_depth_png = true\nwrite_linear = true\n";
 
 /// A dataset configuration of two small views of the plain room.
-fn config(folder: &Path, name: &str, optical: &str) -> PathBuf {
+fn config(folder: &Path, name: &str, light: &str) -> PathBuf {
     let scene = root().join("scenes/room.toml").canonicalize().unwrap();
     let path = folder.join(format!("{name}.toml"));
     let body = format!(
-        "name = \"{name}\"\nscene = {scene:?}\nkeyframes = 2\n[optical]\nwidth = 96\nheight = 54\nexposure_ev = 0.0\n{optical}\n\
+        "name = \"{name}\"\nscene = {scene:?}\nkeyframes = 2\n[optical]\nwidth = 96\nheight = 54\nexposure_ev = 0.0\n{light}\n\
          [rf]\nwidth = 12\nheight = 8\ndiffuse = false\n"
     );
     std::fs::write(&path, body).unwrap();
     path
 }
 
-fn generate(folder: &Path, name: &str, optical: &str) -> Dataset {
+fn generate(folder: &Path, name: &str, light: &str) -> Dataset {
     let out = folder.join(format!("{name}-out"));
-    corf_ok(&["dataset", "generate", text(&config(folder, name, optical)), "--out", text(&out)]);
+    corf_ok(&["dataset", "generate", text(&config(folder, name, light)), "--out", text(&out)]);
     corf_ok(&["dataset", "validate", text(&out)]);
     Dataset::open(out).unwrap()
 }

@@ -138,9 +138,9 @@ fn without_a_prior_a_dataset_needs_no_depth() {
     });
     fs::write(blind.join("dataset.json"), serde_json::to_vec_pretty(&header).unwrap()).unwrap();
     corf_ok(&reconstruct(&blind, &run, &["depth.prior=none".into()]));
-    let (light, rf, owned_up) = evaluated(&run);
+    let (light, radio, owned_up) = evaluated(&run);
     // Seeds 1 to 3: 8.1 to 10.4 dB of light, 9.3 to 9.5 of RF; a third less is no field.
-    assert!(light > 6.0 && rf > 7.0 && !owned_up, "{light} {rf}");
+    assert!(light > 6.0 && radio > 7.0 && !owned_up, "{light} {radio}");
     let poses = blind.join("trajectory.json");
     corf_ok(&["render", text(&run), "--poses", text(&poses), "--out", text(&folder.path().join("views"))]);
     // The default prior says what it lacks, and what to do.

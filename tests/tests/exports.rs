@@ -21,10 +21,7 @@ fn a_nerfstudio_folder_comes_back_with_its_depth_and_names_its_points() {
     export("nerfstudio", &out);
     corf_ok(&["dataset", "import", text(&out), "--from", "nerfstudio", "--out", text(&back)]);
     let (a, b) = (Dataset::open(tiny_dataset()).unwrap(), Dataset::open(&back).unwrap());
-    assert_eq!(
-        (a.optical_camera(), a.train_indices(), a.test_indices()),
-        (b.optical_camera(), b.train_indices(), b.test_indices())
-    );
+    assert_eq!((a.light_camera(), a.train_indices(), a.test_indices()), (b.light_camera(), b.train_indices(), b.test_indices()));
     for i in 0..a.len() {
         let (a, b) = (a.keyframe(i).unwrap(), b.keyframe(i).unwrap());
         assert_eq!(a.world_from_camera.to_rows(), b.world_from_camera.to_rows(), "{i}");
@@ -58,10 +55,10 @@ fn an_rf_3dgs_folder_has_one_camera_and_its_spectra_are_those_of_its_rays() {
     let levels = format!("--rf-db={},{}", range.min_db, range.max_db);
     corf_ok(&["dataset", "import", text(&out), "--from", "rf-3dgs", &levels, "--out", text(&back)]);
     let theirs = Dataset::open(&back).unwrap();
-    assert_eq!((ours.optical_camera(), ours.train_indices()), (theirs.optical_camera(), theirs.train_indices()));
+    assert_eq!((ours.light_camera(), ours.train_indices()), (theirs.light_camera(), theirs.train_indices()));
     // 96x54 in front of 48x32: of the spectra's 32 rows the images show the middle 27, from half of row 2 to half of row 29.
-    let camera = theirs.rf_camera();
-    assert_eq!((camera.width, camera.height, camera.cy, camera.fy), (48, 27, 13.5, ours.rf_camera().fy));
+    let camera = theirs.radio_camera();
+    assert_eq!((camera.width, camera.height, camera.cy, camera.fy), (48, 27, 13.5, ours.radio_camera().fy));
     for i in 0..ours.len() {
         let (a, b) = (ours.keyframe(i).unwrap(), theirs.keyframe(i).unwrap());
         assert!(a.light.unwrap().image == b.light.unwrap().image, "{i}");

@@ -248,7 +248,7 @@ fn each_axis_has_the_field_of_view_that_the_file_gives_it() {
     for (name, focal) in [("both-angles", [30.0, 42.0]), ("no-size-both-angles", [30.0, 24.0]), ("angle-y-alone", [30.0, 30.0])] {
         let Some(capture) = fault(&format!("intrinsics-by-angle/{name}")) else { return };
         let folder = tempfile::tempdir().unwrap();
-        let camera = import(&capture, "nerfstudio", &[], &folder.path().join("ds")).0.optical_camera();
+        let camera = import(&capture, "nerfstudio", &[], &folder.path().join("ds")).0.light_camera();
         assert!((camera.fx - focal[0]).abs() < 1e-9 && (camera.fy - focal[1]).abs() < 1e-9, "{name}: {camera:?}");
         assert_eq!((camera.width, camera.height, camera.cx, camera.cy), (40, 30, 20.0, 15.0));
     }
@@ -272,7 +272,7 @@ fn intrinsics_that_contradict_or_mean_nothing_are_said_or_refused() {
     };
     let camera = |out: &str| {
         let (dataset, said) = import(&at("capture"), "nerfstudio", &[], &at(out));
-        (dataset.optical_camera(), said)
+        (dataset.light_camera(), said)
     };
     with(json!({ "fl_x": 14.0, "camera_angle_x": 0.3 }), json!({}));
     let (c, said) = camera("contradiction");
@@ -419,8 +419,8 @@ fn transparency_passes_through_live_folders_and_spectra_have_none() {
         let bytes = io::encode_cut_out(&ours.keyframe(i).unwrap().light.unwrap().image, &counts(i)).unwrap();
         fs::write(at("capture").join(format!("images/{}.png", stem(i))), bytes).unwrap();
     }
-    let rf = text(&tiny_dataset().join("rf/spectra")).to_owned();
-    import(&at("capture"), "colmap", &["--rf", &rf, "--rf-camera", "90"], &at("ds"));
+    let radio = text(&tiny_dataset().join("rf/spectra")).to_owned();
+    import(&at("capture"), "colmap", &["--rf", &radio, "--rf-camera", "90"], &at("ds"));
     corf_ok(&["dataset", "play", text(&at("ds")), "--to", text(&at("live")), "--rate", "1000"]);
     let (live, run) = (at("live"), at("run"));
     let few = ["--set", "iterations_per_keyframe=1", "--device", "cpu"];
@@ -486,8 +486,8 @@ fn files_of_one_name_in_several_folders_stay_apart_in_every_layout() {
         io::write_atomic(at("flat-masks").join(format!("{flat}.png")), &io::encode_mask(&mask(i)).unwrap()).unwrap();
         io::write_atomic(at("flat-rf").join(format!("{flat}.exr")), &io::encode_exr_f32(&spectrum, "Y").unwrap()).unwrap();
     }
-    let [depths, masks, rf] = ["depth", "masks", "rf"].map(|name| text(&at(name)).to_owned());
-    let given = ["--depth", &depths, "--masks", &masks, "--rf", &rf, "--rf-camera", "60"];
+    let [depths, masks, radio] = ["depth", "masks", "rf"].map(|name| text(&at(name)).to_owned());
+    let given = ["--depth", &depths, "--masks", &masks, "--rf", &radio, "--rf-camera", "60"];
     for layout in ["nerfstudio", "colmap"] {
         // nerfstudio's names have a folder more than what --images is given.
         let images = text(&at(layout).join("images")).to_owned();
@@ -618,6 +618,6 @@ fn a_camera_without_sizes_has_those_of_its_pictures() {
     let mut json: Value = serde_json::from_str(&text).unwrap();
     json.as_object_mut().unwrap().retain(|key, _| key != "w" && key != "h");
     fs::write(at("capture/transforms.json"), json.to_string()).unwrap();
-    let camera = import(&at("capture"), "nerfstudio", &[], &at("ds")).0.optical_camera();
+    let camera = import(&at("capture"), "nerfstudio", &[], &at("ds")).0.light_camera();
     assert_eq!(camera, Pinhole { width: 16, height: 12, fx: 14.0, fy: 14.0, cx: 8.0, cy: 6.0 });
 }

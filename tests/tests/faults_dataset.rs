@@ -16,7 +16,7 @@ const SPLIT: [bool; 6] = [true; 6];
 
 impl Room {
     /// The room, lit or not; `rf` goes into the dataset's `[rf]`, `top` before its tables.
-    fn new(top: &str, rf: &str, lit: bool) -> Self {
+    fn new(top: &str, radio: &str, lit: bool) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let extra = "[transmitters.far]\nposition_m = [5.5, 4.5, 2.0]\n[trajectory]\nheight_m = 1.5\n\
                      waypoints_m = [[1.0, 1.0], [5.0, 1.0], [5.0, 4.0], [1.0, 4.0]]\n";
@@ -31,7 +31,7 @@ impl Room {
         let config = format!(
             "name = \"room\"\nscene = \"room.toml\"\nkeyframes = 4\n{top}\
              [optical]\nwidth = 32\nheight = 18\nsamples_per_pixel = 2\nmax_bounces = 2\n\
-             [rf]\nwidth = 24\nheight = 16\nmax_interactions = 2\n{rf}\n[split]\ntest_every = 2\n"
+             [rf]\nwidth = 24\nheight = 16\nmax_interactions = 2\n{radio}\n[split]\ntest_every = 2\n"
         );
         fs::write(folder.path().join("data.toml"), config).unwrap();
         Self { folder }
@@ -130,19 +130,19 @@ fn mean_power_db(dataset: &Path) -> f64 {
 #[test]
 fn what_is_measured_of_the_radio_half_is_what_is_generated() {
     let mut seen = Vec::new();
-    for (top, rf) in [
+    for (top, radio) in [
         ("", "diffuse = false\nwrite_paths = true\n"),
         ("", "diffuse = false\nwrite_paths = true\ndiffraction = true\n"),
         ("transmitter = \"far\"\n", "diffuse = false\nwrite_paths = true\ndiffraction = true\n"),
     ] {
-        let room = Room::new(top, rf, true);
+        let room = Room::new(top, radio, true);
         assert_eq!(room.generate(&[]).status.code(), Some(0));
         let config = room.path("data.toml");
         let answer: Value = serde_json::from_str(&corf_ok(&["bench", "radio", text(&config), "--json"])).unwrap();
         let (measured, made) = (answer["mean_specular_db"].as_f64().unwrap(), mean_power_db(&room.path("out")));
-        assert!((measured - made).abs() < 1e-6, "{top}{rf}: {measured} dB measured, {made} dB made");
+        assert!((measured - made).abs() < 1e-6, "{top}{radio}: {measured} dB measured, {made} dB made");
         assert!(answer["mean_diffuse_db"].is_null() && answer["directions"].is_null(), "the dataset has no scattered power");
-        assert_eq!(answer["diffraction"].as_bool(), Some(rf.contains("diffraction")));
+        assert_eq!(answer["diffraction"].as_bool(), Some(radio.contains("diffraction")));
         seen.push(measured);
     }
     assert!((seen[0] - seen[1]).abs() > 1e-4 && (seen[1] - seen[2]).abs() > 0.01, "{seen:?}");

@@ -64,13 +64,13 @@ fn run_in(folder: &Path) -> PathBuf {
 
 /// Commands that fill a folder and have no `--resume`, on the tiny data set.
 fn filling(out: &Path) -> Vec<Vec<String>> {
-    let (data, optical) = (text(tiny_dataset()).to_owned(), text(&tiny_dataset().join("optical")).to_owned());
+    let (data, light) = (text(tiny_dataset()).to_owned(), text(&tiny_dataset().join("optical")).to_owned());
     let out = text(out);
     let mut all: Vec<Vec<String>> = Vec::new();
     for form in ["numpy", "nerfstudio", "rf-3dgs"] {
         all.push(["dataset", "export", &data, "--to", form, "--out", out].map(String::from).to_vec());
     }
-    all.push(["dataset", "import", &optical, "--from", "colmap", "--out", out].map(String::from).to_vec());
+    all.push(["dataset", "import", &light, "--from", "colmap", "--out", out].map(String::from).to_vec());
     all
 }
 

@@ -83,7 +83,7 @@ fn other_encodings_give_the_panel_that_is_meant() {
             (low - Vec3::new(0.56, 1.1, 0.0)).length() < 1e-3 && (high - Vec3::new(1.308, 1.9, 0.0)).length() < 1e-3,
             "{low}"
         );
-        let material = &scene.materials[scene.triangles.last().unwrap().material as usize].optical;
+        let material = &scene.materials[scene.triangles.last().unwrap().material as usize].light;
         assert_eq!((material.base_color, material.metallic), ([0.8, 0.05, 0.05], 0.0), "{name}");
         assert!((material.ior - 1.5).abs() < 1e-5 && material.roughness == 1.0, "{name}");
         corf_ok(&["scene", "validate", text(&path)]);
@@ -171,8 +171,8 @@ fn generate_tells_what_it_does_not_read() {
     assert_eq!(stderr.matches("KHR_materials_clearcoat is not read").count(), 1, "{stderr}");
     for file in [&mesh, &scene] {
         for command in ["info", "validate"] {
-            let told = corf_ok(&["scene", command, text(file)]);
-            assert_eq!(told.matches("KHR_materials_clearcoat is not read").count(), 1, "{told}");
+            let reported = corf_ok(&["scene", command, text(file)]);
+            assert_eq!(reported.matches("KHR_materials_clearcoat is not read").count(), 1, "{reported}");
         }
     }
 }

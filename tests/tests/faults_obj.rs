@@ -57,14 +57,14 @@ fn near(a: [f64; 3], b: [f64; 3], tolerance: f64) {
 fn transparency_as_tr_and_as_d_are_one_and_cover_what_is_behind() {
     let Some(path) = shared("faults/obj/tr.toml") else { return };
     let scene = load(&path);
-    let of = |name: &str| &scene.materials.iter().find(|m| m.name == name).unwrap().optical;
+    let of = |name: &str| &scene.materials.iter().find(|m| m.name == name).unwrap().light;
     let (tr, d) = (of("tr1"), of("d03"));
     assert!((tr.alpha - 0.3).abs() < 1e-6 && (d.alpha - 0.3).abs() < 1e-6);
     assert_eq!((tr.alpha_mode, d.alpha_mode, of("red").alpha_mode), (AlphaMode::Blend, AlphaMode::Blend, AlphaMode::Opaque));
     // Of walls that shine by themselves seven tenths are seen through either panel, in their own colour, and nothing through the opaque one.
     let mut shining = scene.clone();
     let glow = [0.2, 0.5, 0.1];
-    shining.materials.iter_mut().filter(|m| m.name == "wall").for_each(|m| m.optical.emissive = glow);
+    shining.materials.iter_mut().filter(|m| m.name == "wall").for_each(|m| m.light.emissive = glow);
     for (x, share) in [(0.054, 0.7), (0.934, 0.7), (-0.826, 0.0)] {
         near(mean(&shine(&shining, x)), glow.map(|g| share * f64::from(g)), 0.03);
     }
@@ -102,7 +102,7 @@ fn continued_lines_options_of_maps_and_missing_libraries() {
     }
     if let Some(path) = shared("faults/obj/topt.toml") {
         let scene = load(&path);
-        let map = scene.materials.iter().find(|m| m.name == "texopt").unwrap().optical.base_color_texture.unwrap();
+        let map = scene.materials.iter().find(|m| m.name == "texopt").unwrap().light.base_color_texture.unwrap();
         // Coordinates twice as dense, counted from the bottom.
         assert_eq!(map.uv_from_uv.transform_point2(glam::Vec2::new(0.25, 1.0)), glam::Vec2::new(0.5, 1.0));
         assert_eq!(map.uv_from_uv.transform_point2(glam::Vec2::new(0.25, 0.5)), glam::Vec2::new(0.5, 0.0));
@@ -124,7 +124,7 @@ fn continued_lines_options_of_maps_and_missing_libraries() {
 #[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn damaged_files_are_refused_and_odd_ones_read() {
     if let Some(path) = shared("faults/fuzz/kd.obj") {
-        assert_eq!(import::load(path).unwrap().materials[0].optical.base_color, [0.5; 3]);
+        assert_eq!(import::load(path).unwrap().materials[0].light.base_color, [0.5; 3]);
     }
     if let Some(path) = shared("faults/fuzz/mixed.obj") {
         let scene = import::load(path).unwrap();

@@ -58,10 +58,13 @@ fn panels_diffract_as_the_sheet_they_make() {
 fn open_edges_are_offered_and_told() {
     let Some(scene) = shared("faults/edges/one.toml") else { return };
     let arguments = ["paths", text(&scene), "--rx", "5,0.5,-0.3", "--depth", "2", "--diffraction"];
-    let told = corf(&arguments);
-    assert_eq!(told.status.code(), Some(0));
-    let told = String::from_utf8_lossy(&told.stderr).into_owned();
-    assert!(told.contains("4 open edges") && told.contains("120.0 m") && told.contains("--edge-diffraction"), "{told}");
+    let reported = corf(&arguments);
+    assert_eq!(reported.status.code(), Some(0));
+    let reported = String::from_utf8_lossy(&reported.stderr).into_owned();
+    assert!(
+        reported.contains("4 open edges") && reported.contains("120.0 m") && reported.contains("--edge-diffraction"),
+        "{reported}"
+    );
     let traced = [&arguments[..], &["--edge-diffraction"]].concat();
     assert!((power_db(&traced).unwrap() - P526_DB).abs() < P526_ERROR_DB);
     assert!(corf_ok(&["paths", "--help"]).contains("--edge-diffraction"));

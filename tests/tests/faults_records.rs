@@ -295,8 +295,8 @@ fn long_sweeps_are_several_arrays_and_any_folder_will_do() {
         let (cluster, out) = (Cluster::new(), place.join(name));
         six_cells(&place, &out);
         let answer = cluster.submit(&out, &["--sbatch=--comment=two words", "--sbatch=--nice 7", "--at-once=2"], "");
-        let (said, told) = (String::from_utf8_lossy(&answer.stdout), String::from_utf8_lossy(&answer.stderr));
-        assert_eq!(answer.status.code(), Some(0), "{name}: {told}");
+        let (said, reported) = (String::from_utf8_lossy(&answer.stdout), String::from_utf8_lossy(&answer.stderr));
+        assert_eq!(answer.status.code(), Some(0), "{name}: {reported}");
         assert!(said.contains("job arrays 101, 102 of 6 cells, and job 103"), "{name}: {said}");
         let script = |job: &str| text(&out.join("slurm").join(job)).to_owned();
         let expected = format!(
@@ -337,10 +337,10 @@ fn what_cannot_be_submitted_leaves_nothing_in_the_queue() {
     six_cells(folder.path(), &broken);
     let refuses = |cluster: &Cluster, out: &Path, more: &[&str], refused: &str, words: &str| {
         let answer = cluster.submit(out, more, refused);
-        let told = String::from_utf8_lossy(&answer.stderr).into_owned();
-        assert!(answer.status.code() == Some(2) && told.contains(words), "{words}: {told}");
+        let reported = String::from_utf8_lossy(&answer.stderr).into_owned();
+        assert!(answer.status.code() == Some(2) && reported.contains(words), "{words}: {reported}");
         assert!(answer.stdout.is_empty());
-        told
+        reported
     };
     let cluster = Cluster::new();
     refuses(&cluster, &broken, &[], "", "'\\n'");
@@ -354,13 +354,13 @@ fn what_cannot_be_submitted_leaves_nothing_in_the_queue() {
     }
     assert_eq!(cluster.said("sbatch"), "", "nothing was asked of sbatch");
     // The second array, and then the collecting job, are refused.
-    let told = refuses(&cluster, &out, &[], "102", "no more jobs");
-    assert!(told.contains("job 101, submitted before that: cancelled again"), "{told}");
+    let reported = refuses(&cluster, &out, &[], "102", "no more jobs");
+    assert!(reported.contains("job 101, submitted before that: cancelled again"), "{reported}");
     assert_eq!(cluster.said("scancel"), "101\n");
     let cluster = Cluster::new();
     fs::remove_dir_all(out.join("cells")).unwrap();
     fs::create_dir(out.join("cells")).unwrap();
-    let told = refuses(&cluster, &out, &[], "103", "no more jobs");
-    assert!(told.contains("jobs 101, 102, submitted before that: cancelled again"), "{told}");
+    let reported = refuses(&cluster, &out, &[], "103", "no more jobs");
+    assert!(reported.contains("jobs 101, 102, submitted before that: cancelled again"), "{reported}");
     assert_eq!(cluster.said("scancel"), "101 102\n");
 }

@@ -189,8 +189,8 @@ fn levels() -> Raster<f32> {
 }
 
 /// The levels that an import read, in dB from -110 to -40, and what it said.
-fn imported(capture: &Capture, out: &str, rf: &Path) -> (Raster<f32>, String) {
-    let (code, said) = capture.import(out, &["--rf", text(rf), "--rf-db=-110,-40", "--rf-camera", "90"]);
+fn imported(capture: &Capture, out: &str, radio: &Path) -> (Raster<f32>, String) {
+    let (code, said) = capture.import(out, &["--rf", text(radio), "--rf-db=-110,-40", "--rf-camera", "90"]);
     assert_eq!(code, Some(0), "{said}");
     let spectrum = Dataset::open(capture.path(out)).unwrap().keyframe(0).unwrap().radio.unwrap().spectrum;
     (spectrum.map(|p| if *p > 0.0 { 10.0 * p.log10() } else { -110.0 }), said)
@@ -206,10 +206,10 @@ fn jets_of_other_programs_are_told_apart_and_their_error_is_stated() {
         ("matplotlib's Jet of 256", |i| color::jet(i as f32 / 255.0)),
     ];
     for (k, (name, table)) in tables.iter().enumerate() {
-        let rf = capture.path(&format!("jet{k}"));
+        let radio = capture.path(&format!("jet{k}"));
         let picture = levels().map(|s| table(((s * 256.0) as usize).min(255)).map(|v| (255.0 * v).round() as u8));
         capture.put_each(&format!("jet{k}"), "png", |_| io::encode_png(&picture).unwrap());
-        let (db, said) = imported(&capture, &format!("ds{k}"), &rf);
+        let (db, said) = imported(&capture, &format!("ds{k}"), &radio);
         assert!(said.contains(name) && said.contains("levels are right to 0.27 dB"), "{said}");
         // But for the part of the range in which matplotlib's is one colour.
         let off = db.pixels().iter().zip(levels().into_vec()).filter(|(_, s)| !(0.105..0.13).contains(s));
@@ -230,9 +230,9 @@ fn numbers_beyond_all_bounds_are_refused_before_anything_is_written() {
     capture.put_each("exr", "exr", |_| io::encode_exr_f32(&power, "Y").unwrap());
     capture.put_each("png", "png", |_| io::encode_png16(&levels().map(|s| (65535.0 * s) as u16)).unwrap());
     let numbers = ["nan", "inf", "-inf", "-1", "0", "1e300", "1e-300"];
-    let with = |rf: &Path, flags: &[&str]| {
+    let with = |radio: &Path, flags: &[&str]| {
         let words: Vec<&str> = flags.iter().map(|f| f.split('=').next().unwrap()).take(1).collect();
-        capture.refuses(&[&["--rf", text(rf)][..], flags, &["--rf-camera", "90"]].concat(), &words);
+        capture.refuses(&[&["--rf", text(radio)][..], flags, &["--rf-camera", "90"]].concat(), &words);
     };
     for number in numbers {
         with(&exr, &[&format!("--frequency-hz={number}")]);
@@ -292,14 +292,14 @@ fn flags_that_would_change_nothing_are_refused_by_name() {
 #[test]
 fn half_precision_says_what_it_does_not_hold() {
     let capture = Capture::new();
-    let rf = capture.path("half");
+    let radio = capture.path("half");
     // 1e-6 at the most: in half precision sixteen steps, and nothing at all 12 dB below.
     let half = |v: f32| ((v * (1 << 24) as f32).round() as u16).to_le_bytes();
     capture.put_each("half", "npy", |_| {
         let data: Vec<u8> = levels().pixels().iter().flat_map(|s| half(1e-13 * 1e7f32.powf(*s))).collect();
         npy("<f2", SPECTRUM, &data)
     });
-    capture.refuses(&["--rf", text(&rf), "--rf-camera", "90"], &["half precision", "-60.2 dB", "float32"]);
+    capture.refuses(&["--rf", text(&radio), "--rf-camera", "90"], &["half precision", "-60.2 dB", "float32"]);
 }
 
 /// Whether a child ended within ten seconds; it is killed otherwise.

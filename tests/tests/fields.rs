@@ -42,8 +42,8 @@ fn a_field_goes_out_in_every_format_and_comes_back_as_a_beginning() {
 
     // One channel of levels becomes three equal ones.
     let (out, said) = export("ply", "rf", "rf.ply", &[]);
-    let (rf, grey) = (ply::read_single(&run.join("rf.ply")).unwrap(), ply::read_single(&out).unwrap());
-    assert_eq!((rf.appearance.channels, &grey), (1, &rf.in_three_channels()));
+    let (radio, grey) = (ply::read_single(&run.join("rf.ply")).unwrap(), ply::read_single(&out).unwrap());
+    assert_eq!((radio.appearance.channels, &grey), (1, &radio.in_three_channels()));
     assert!(said["notes"].to_string().contains("background"), "{said}");
 
     let (out, _) = export("sog-ready-ply", "optical", "sog.ply", &[]);
@@ -118,7 +118,7 @@ fn reconstructions_begin_with_gaussians_of_another_program() {
     let mut field = a.clone();
     field.position.iter_mut().for_each(|p| p[2] += 1000.0);
     let notes = corf::Field::read(&run).unwrap().meta.notes(corf::Antialias::On);
-    ply::write_single(&far, &field, corf::device::Modality::Optical, &notes).unwrap();
+    ply::write_single(&far, &field, corf::device::Modality::Light, &notes).unwrap();
     refuses(&far, &[], &["far.ply: none of its", "the data set's frame"]);
     let (bytes, bad) = (fs::read(&theirs).unwrap(), at("bad.ply"));
     fs::write(&bad, &bytes[..bytes.len() - 7]).unwrap();

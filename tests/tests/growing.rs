@@ -81,17 +81,17 @@ fn a_page_sees_the_field_grow_to_its_end_and_changes_no_byte_of_it() {
 
     // As the page does: ask, and bring every new version.
     let (mut versions, mut sizes, mut last) = (Vec::new(), Vec::new(), Value::Null);
-    while let Some(told) = growing.ask("/data/growth").map(|answer| answer.json()) {
-        let (done, before) = (told["done"].as_u64().unwrap(), last["done"].as_u64().unwrap_or(0));
-        assert!(done >= before && told["total"] == 8 && told["snapshot_done"].as_u64().unwrap() <= done, "{told}");
-        if told["version"].as_u64().unwrap() > versions.last().copied().unwrap_or(0) {
+    while let Some(reported) = growing.ask("/data/growth").map(|answer| answer.json()) {
+        let (done, before) = (reported["done"].as_u64().unwrap(), last["done"].as_u64().unwrap_or(0));
+        assert!(done >= before && reported["total"] == 8 && reported["snapshot_done"].as_u64().unwrap() <= done, "{reported}");
+        if reported["version"].as_u64().unwrap() > versions.last().copied().unwrap_or(0) {
             let Some(field) = growing.ask("/data/field") else { break };
             let tag = field.header("etag").unwrap().trim_matches('"');
             versions.push(tag.parse().unwrap());
-            assert_eq!(field.body.len() % bytes_a_gaussian(&told["field"]), 0);
+            assert_eq!(field.body.len() % bytes_a_gaussian(&reported["field"]), 0);
             sizes.push(field.body.len());
         }
-        last = told;
+        last = reported;
         if last["finished"] == true {
             break;
         }

@@ -36,7 +36,7 @@ fn foreign_world(folder: &Path) -> (f64, Vec<String>) {
     }
     // The order in the file says nothing.
     frames.reverse();
-    let c = dataset.optical_camera();
+    let c = dataset.light_camera();
     let json = json!({ "w": c.width, "h": c.height, "fl_x": c.fx, "fl_y": c.fy, "cx": c.cx, "cy": c.cy, "frames": frames });
     fs::write(folder.join("transforms.json"), json.to_string()).unwrap();
     (metres_per_unit, names)
@@ -47,17 +47,16 @@ fn a_data_set_exported_as_colmap_comes_back_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let (out, ours) = (folder.path().join("out"), tiny_dataset());
     let path = |name: &str| ours.join(name).to_str().unwrap().to_owned();
-    let (optical, rf, depth) = (path("optical"), path("rf/spectra"), path("optical/depth"));
-    let given = ["--rf", &rf, "--rf-camera", "90", "--rf-quantity", "power-per-steradian", "--depth", &depth];
+    let (light, radio, depth) = (path("optical"), path("rf/spectra"), path("optical/depth"));
+    let given = ["--rf", &radio, "--rf-camera", "90", "--rf-quantity", "power-per-steradian", "--depth", &depth];
     corf_ok(
-        &[&["dataset", "import", &optical, "--from", "colmap", "--out", text(&out), "--frequency-hz", "60e9"], &given[..]]
-            .concat(),
+        &[&["dataset", "import", &light, "--from", "colmap", "--out", text(&out), "--frequency-hz", "60e9"], &given[..]].concat(),
     );
     assert!(corf_ok(&["dataset", "validate", text(&out)]).contains("passed"));
     let (a, b) = (Dataset::open(ours).unwrap(), Dataset::open(&out).unwrap());
     assert_eq!(
-        (a.len(), a.optical_camera(), a.rf_camera(), a.db_range()),
-        (b.len(), b.optical_camera(), b.rf_camera(), b.db_range())
+        (a.len(), a.light_camera(), a.radio_camera(), a.db_range()),
+        (b.len(), b.light_camera(), b.radio_camera(), b.db_range())
     );
     assert_eq!((a.train_indices(), a.test_indices()), (b.train_indices(), b.test_indices()));
     for i in 0..a.len() {
@@ -77,7 +76,7 @@ fn a_data_set_exported_as_colmap_comes_back_the_same() {
     // The same capture makes the same bytes.
     let again = folder.path().join("again");
     corf_ok(
-        &[&["dataset", "import", &optical, "--from", "colmap", "--out", text(&again), "--frequency-hz", "60e9"], &given[..]]
+        &[&["dataset", "import", &light, "--from", "colmap", "--out", text(&again), "--frequency-hz", "60e9"], &given[..]]
             .concat(),
     );
     assert_eq!(Dataset::open(&again).unwrap().hash(), b.hash());
@@ -132,8 +131,8 @@ fn numbers(record: &Value) -> Vec<&str> {
 fn light_alone_goes_the_whole_way_and_has_no_number_of_radio() {
     let folder = tempfile::tempdir().unwrap();
     let (out, run) = (folder.path().join("out"), folder.path().join("refused"));
-    let optical = tiny_dataset().join("optical");
-    corf_ok(&["dataset", "import", text(&optical), "--from", "colmap", "--out", text(&out)]);
+    let light = tiny_dataset().join("optical");
+    corf_ok(&["dataset", "import", text(&light), "--from", "colmap", "--out", text(&out)]);
     assert!(corf_ok(&["dataset", "validate", text(&out)]).contains("passed"));
     assert!(!out.join("rf").exists() && !out.join("optical/depth").exists());
     // What is missing is named with the flag that supplies it, before anything is begun.
@@ -159,8 +158,8 @@ fn light_alone_goes_the_whole_way_and_has_no_number_of_radio() {
         "iterations_per_keyframe=5",
     ]);
     // Measured depth can be the prior, and then the record says so.
-    let (measured, depth) = (folder.path().join("measured"), optical.join("depth"));
-    corf_ok(&["dataset", "import", text(&optical), "--from", "colmap", "--depth", text(&depth), "--out", text(&measured)]);
+    let (measured, depth) = (folder.path().join("measured"), light.join("depth"));
+    corf_ok(&["dataset", "import", text(&light), "--from", "colmap", "--depth", text(&depth), "--out", text(&measured)]);
     let (record, table, views) = the_whole_way(&measured, folder.path(), &["--set", "depth.prior=\"exact\""]);
     assert!(record["uses_ground_truth_depth"].as_bool().unwrap() && record["depth_imported"].as_bool().unwrap());
     assert!(table.contains("imported capture") && !table.contains("ray tracer"), "{table}");
@@ -188,15 +187,15 @@ fn radio_alone_goes_the_whole_way_and_has_no_number_of_light() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     // Our folder of spectra is in RF-3DGS's layout, painted in Jet.
-    let rf = tiny_dataset().join("rf");
+    let radio = tiny_dataset().join("rf");
     let range = Dataset::open(tiny_dataset()).unwrap().db_range().unwrap();
     let levels = format!("--rf-db={},{}", range.min_db, range.max_db);
-    corf_refuses(&["dataset", "import", text(&rf), "--from", "rf-3dgs", "--out", text(&out)], &["--rf-db", "00001.png"]);
+    corf_refuses(&["dataset", "import", text(&radio), "--from", "rf-3dgs", "--out", text(&out)], &["--rf-db", "00001.png"]);
     assert!(!out.exists());
-    corf_ok(&["dataset", "import", text(&rf), "--from", "rf-3dgs", &levels, "--out", text(&out)]);
+    corf_ok(&["dataset", "import", text(&radio), "--from", "rf-3dgs", &levels, "--out", text(&out)]);
     assert!(corf_ok(&["dataset", "validate", text(&out)]).contains("passed"));
     let (a, b) = (Dataset::open(tiny_dataset()).unwrap(), Dataset::open(&out).unwrap());
-    assert_eq!((a.rf_camera(), a.db_range(), a.test_indices()), (b.rf_camera(), b.db_range(), b.test_indices()));
+    assert_eq!((a.radio_camera(), a.db_range(), a.test_indices()), (b.radio_camera(), b.db_range(), b.test_indices()));
     assert!(b.header().imported.as_ref().unwrap().notes.iter().any(|n| n.contains("Jet")));
     for i in 0..a.len() {
         let scalars = [&a, &b].map(|d| d.keyframe(i).unwrap().radio.unwrap().spectrum.map(|&s| range.scalar(s)));
@@ -217,7 +216,7 @@ fn radio_alone_goes_the_whole_way_and_has_no_number_of_light() {
 #[test]
 fn faulty_captures_are_refused_and_leave_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let (optical, rf) = (tiny_dataset().join("optical"), tiny_dataset().join("rf/spectra"));
+    let (light, radio) = (tiny_dataset().join("optical"), tiny_dataset().join("rf/spectra"));
     let out = folder.path().join("out");
     let import = |capture: &Path, more: &[&str], words: &[&str]| {
         corf_refuses(&[&["dataset", "import", text(capture), "--from", "colmap", "--out", text(&out)], more].concat(), words);
@@ -226,8 +225,8 @@ fn faulty_captures_are_refused_and_leave_nothing() {
     // A model with one thing changed.
     let changed = |name: &str, change: &dyn Fn(&Path)| {
         let capture = folder.path().join(name);
-        copy_folder(&optical.join("sparse"), &capture.join("sparse"));
-        copy_folder(&optical.join("images"), &capture.join("images"));
+        copy_folder(&light.join("sparse"), &capture.join("sparse"));
+        copy_folder(&light.join("images"), &capture.join("images"));
         change(&capture);
         capture
     };
@@ -258,20 +257,20 @@ fn faulty_captures_are_refused_and_leave_nothing() {
     import(&pose, &[], &["00003.png", "pose", "NaN"]);
     // Spectra.
     let spectra = folder.path().join("spectra");
-    copy_folder(&rf, &spectra);
+    copy_folder(&radio, &spectra);
     let with = |more: &[&'static str]| [&["--rf", text(&spectra)], more].concat();
-    import(&optical, &with(&[]), &["--rf-camera", "field of view"]);
-    import(&optical, &with(&["--rf-camera", "200"]), &["--rf-camera", "200"]);
-    import(&optical, &with(&["--rf-camera", "90", "--rf-db=-200,-150"]), &["stated range", "-150"]);
-    import(&optical, &with(&["--rf-camera", "90", "--rf-db=-40,-110"]), &["--rf-db"]);
+    import(&light, &with(&[]), &["--rf-camera", "field of view"]);
+    import(&light, &with(&["--rf-camera", "200"]), &["--rf-camera", "200"]);
+    import(&light, &with(&["--rf-camera", "90", "--rf-db=-200,-150"]), &["stated range", "-150"]);
+    import(&light, &with(&["--rf-camera", "90", "--rf-db=-40,-110"]), &["--rf-db"]);
     fs::rename(spectra.join("00002.exr"), spectra.join("2.exr")).unwrap();
-    import(&optical, &with(&["--rf-camera", "90"]), &["00002.png has no spectrum"]);
-    import(&optical, &["--rf-db=-100,-40"], &["--rf-db", "--rf"]);
-    import(&optical, &["--no-images"], &["neither images nor spectra", "--rf"]);
-    import(&optical, &["--up=0,0,0"], &["--up", "no direction"]);
-    import(&optical, &["--scale", "0"], &["--scale"]);
-    import(&optical, &["--split", "none.txt"], &["none.txt"]);
-    import(&optical, &["--split", "1"], &["--split", "train"]);
+    import(&light, &with(&["--rf-camera", "90"]), &["00002.png has no spectrum"]);
+    import(&light, &["--rf-db=-100,-40"], &["--rf-db", "--rf"]);
+    import(&light, &["--no-images"], &["neither images nor spectra", "--rf"]);
+    import(&light, &["--up=0,0,0"], &["--up", "no direction"]);
+    import(&light, &["--scale", "0"], &["--scale"]);
+    import(&light, &["--split", "none.txt"], &["none.txt"]);
+    import(&light, &["--split", "1"], &["--split", "train"]);
     import(folder.path(), &[], &["sparse/0"]);
     // Roles that cannot be told apart by a label.
     let gateway = folder.path().join("nerf2");
@@ -292,7 +291,7 @@ fn faulty_captures_are_refused_and_leave_nothing() {
     // An occupied folder is refused and kept.
     fs::create_dir(&out).unwrap();
     fs::write(out.join("precious"), "x").unwrap();
-    corf_refuses(&["dataset", "import", text(&optical), "--from", "colmap", "--out", text(&out)], &["not empty"]);
+    corf_refuses(&["dataset", "import", text(&light), "--from", "colmap", "--out", text(&out)], &["not empty"]);
     assert!(out.join("precious").exists());
     // A folder that was empty stays, and stays empty.
     fs::remove_file(out.join("precious")).unwrap();

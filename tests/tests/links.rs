@@ -209,18 +209,30 @@ fn link_files_are_done_or_refused() {
     };
     assert_eq!(gain(&[]), gain(&["--tx-array", "1x1"]));
     assert_ne!(gain(&[]), gain(&["--tx-array", "2x2"]));
-    let rf = folder.path().join("rf.toml");
+    let radio = folder.path().join("rf.toml");
     let out = folder.path().join("map");
-    let map =
-        ["coverage", text(&scene), "--height", "1.5", "--cell", "2", "--depth", "1", "--config", text(&rf), "--out", text(&out)];
+    let map = [
+        "coverage",
+        text(&scene),
+        "--height",
+        "1.5",
+        "--cell",
+        "2",
+        "--depth",
+        "1",
+        "--config",
+        text(&radio),
+        "--out",
+        text(&out),
+    ];
     for (asked, words) in [
         ("[receiver]\nrows = 4\ncols = 4\n", ["[receiver]", "4x4"]),
         ("edge_diffraction = true\n", ["edge_diffraction", "diffraction = true"]),
     ] {
-        fs::write(&rf, asked).unwrap();
+        fs::write(&radio, asked).unwrap();
         corf_refuses(&map, &words);
     }
-    fs::write(&rf, "diffuse = true\ndirections = 3000\n").unwrap();
+    fs::write(&radio, "diffuse = true\ndirections = 3000\n").unwrap();
     corf_ok(&map);
     let report: Value = serde_json::from_str(&fs::read_to_string(out.join("coverage.json")).unwrap()).unwrap();
     assert_eq!((&report["diffuse_directions"], &report["settings"]["directions"]), (&3000.into(), &3000.into()));

@@ -32,7 +32,7 @@ fn capture(of: &Path, folder: &Path, paint: bool) {
         json!({ "file_path": name, "transform_matrix": rows })
     };
     let frames: Vec<Value> = (0..dataset.len()).map(frame).collect();
-    let c = dataset.optical_camera();
+    let c = dataset.light_camera();
     let json = json!({ "w": c.width, "h": c.height, "fl_x": c.fx, "fl_y": c.fy, "cx": c.cx, "cy": c.cy, "frames": frames });
     fs::write(folder.join("transforms.json"), json.to_string()).unwrap();
 }

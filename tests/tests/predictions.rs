@@ -128,8 +128,8 @@ fn the_observation_is_a_perfect_prediction_in_every_kind_of_file() {
         assert!(mean(&metrics, "psnr_rf_jet").unwrap() > if kinds.contains(&"scalar8") { 45.0 } else { 60.0 }, "{kinds:?}");
         assert!(mean(&metrics, "codebook_loss_db").unwrap() < 0.05, "{kinds:?}");
         // Only where spectra are known by Jet colours alone is the loss to be told.
-        let told = String::from_utf8_lossy(&output.stderr).contains("Jet colours, which loses precision");
-        assert_eq!(told, kinds == ["images", "jet"], "{kinds:?}");
+        let reported = String::from_utf8_lossy(&output.stderr).contains("Jet colours, which loses precision");
+        assert_eq!(reported, kinds == ["images", "jet"], "{kinds:?}");
         if kinds.contains(&"exr") {
             assert_eq!((mean(&metrics, "beam_top1"), mean(&metrics, "rate_loss_bps_hz")), (Some(1.0), Some(0.0)));
             assert!(mean(&metrics, "peak_error_p90_deg").unwrap() < 1e-5);
@@ -252,8 +252,8 @@ fn names_may_count_from_zero_and_what_is_clipped_or_empty_is_told() {
     write_atomic(at("linear/8.exr"), &encode_exr_f32(&Raster::filled(48, 32, 0.0), "Y").unwrap()).unwrap();
     write_atomic(at("predictions.json"), b"{\"names\": \"index\", \"method\": \"spike\", \"gaussians\": 5}").unwrap();
     let (metrics, output) = score(folder.path());
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(told.contains("1 pixels of linear/ are above") && told.contains("1 spectra hold no power"), "{told}");
+    let reported = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(reported.contains("1 pixels of linear/ are above") && reported.contains("1 spectra hold no power"), "{reported}");
     assert_eq!((metrics["row"].as_str(), metrics["gaussians"].as_u64()), (Some("spike"), Some(5)));
     let empty = &metrics["frames"][1];
     assert_eq!(

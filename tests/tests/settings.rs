@@ -147,22 +147,22 @@ enum Outcome {
 
 /// Everything that a field shows and, of Gaussians, all that they are: what is only written down of the settings does not count.
 fn field(context: &Context, overrides: &toml::Table, data_set: &Dataset) -> Result<Vec<u8>, String> {
-    let told = |e: anyhow::Error| format!("{e:#}");
-    let split = Split::of(data_set, Protocol::Test).map_err(told)?;
+    let reported = |e: anyhow::Error| format!("{e:#}");
+    let split = Split::of(data_set, Protocol::Test).map_err(reported)?;
     let training = TrainingSet::new(data_set, &split);
-    let method = registry::create(context.method, overrides, &Backend::Cpu).map_err(told)?;
-    registry::check_data_set(method.as_ref(), overrides, &training).map_err(told)?;
-    let mut predictor = method.reconstruct(&training, 1, &mut |_| Ok(())).map_err(told)?;
+    let method = registry::create(context.method, overrides, &Backend::Cpu).map_err(reported)?;
+    registry::check_data_set(method.as_ref(), overrides, &training).map_err(reported)?;
+    let mut predictor = method.reconstruct(&training, 1, &mut |_| Ok(())).map_err(reported)?;
     let mut bytes = Vec::new();
     for &index in &split.held_out {
-        let shown = predictor.render(&data_set.poses()[index].world_from_camera).map_err(told)?;
+        let shown = predictor.render(&data_set.poses()[index].world_from_camera).map_err(reported)?;
         let floats = |raster: &Raster<f32>| raster.pixels().iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
         bytes.extend(shown.image.iter().flat_map(|image| image.pixels().iter().flatten().flat_map(|v| v.to_le_bytes())));
         bytes.extend(shown.radio.iter().flat_map(|radio| floats(&radio.scalar)));
         bytes.extend(shown.depth_m.iter().flat_map(floats));
     }
     let folder = tempfile::tempdir().unwrap();
-    predictor.save(folder.path()).map_err(told)?;
+    predictor.save(folder.path()).map_err(reported)?;
     let mut files: Vec<PathBuf> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.retain(|path| path.extension().is_some_and(|ending| ending == "ply"));
     files.sort();
@@ -202,7 +202,7 @@ fn other_value(key: &Value, context: &Context, special: &[(String, String)]) -> 
     let matches = |k: &str, v: &str| {
         (name == k || name.strip_suffix(k).is_some_and(|outer| outer.ends_with('.')))
             && (now.is_null() || now.is_array() == v.starts_with('['))
-            && now.to_string() != v
+            && now.to_string().as_str() != v
     };
     if let Some((_, value)) = known.filter(|(k, v)| matches(k, v)).max_by_key(|(k, _)| k.len()) {
         return value.to_owned();

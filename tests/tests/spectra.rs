@@ -66,8 +66,8 @@ fn an_arrays_spectrum_is_as_good_as_its_samples_of_the_whole_sphere() {
 fn a_dataset_holds_every_view_it_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let config = tiny_config(folder.path(), 3);
-    let rf = "write_db = true\nwrite_paths = true\nsphere = [36, 18]\nspectrum = \"mvdr\"\n";
-    let body = fs::read_to_string(&config).unwrap() + COARSE + rf;
+    let radio = "write_db = true\nwrite_paths = true\nsphere = [36, 18]\nspectrum = \"mvdr\"\n";
+    let body = fs::read_to_string(&config).unwrap() + COARSE + radio;
     fs::write(&config, &body).unwrap();
     let out = folder.path().join("dataset");
     corf_ok(&["dataset", "generate", text(&config), "--out", text(&out)]);

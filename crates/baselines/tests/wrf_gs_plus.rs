@@ -10,7 +10,7 @@
 mod reference;
 
 use corf::device::{DenseStep, Planes, Step, TrainingView, ViewId};
-use corf::{Antialias, Gaussians, RfTarget};
+use corf::{Antialias, Gaussians, RadioTarget};
 use corf_baselines::wrf_gs_plus::{CpuTrainer, Deformation, DeformedStep, Model, Offsets, Shape, Trainer, WrfGsPlusConfig};
 use corf_scene::{Pinhole, Rigid3, Rng};
 use glam::DVec3;
@@ -34,11 +34,11 @@ struct Scenario {
     step: DeformedStep,
 }
 
-fn scenario(seed: u64, rf_target: RfTarget, move_positions: bool) -> Scenario {
+fn scenario(seed: u64, radio_target: RadioTarget, move_positions: bool) -> Scenario {
     let mut rng = Rng::keyed(seed, 1, 0);
-    let channels = rf_target.channels();
+    let channels = radio_target.channels();
     let config = WrfGsPlusConfig {
-        rf_target,
+        radio_target,
         move_positions,
         layers: 3,
         width: 12,
@@ -56,32 +56,32 @@ fn scenario(seed: u64, rf_target: RfTarget, move_positions: bool) -> Scenario {
         gaussians.position.push([(rng.uniform() - 0.5) * 2.6 * z, (rng.uniform() - 0.5) * 1.9 * z, z]);
         gaussians.rotation.push([0; 4].map(|_| rng.normal() as f32));
         gaussians.log_scale.push([0; 3].map(|_| -1.6 + rng.uniform()));
-        gaussians.optical.opacity_logit.push(0.0);
-        gaussians.optical.sh.extend([0.0; 3]);
-        gaussians.rf.opacity_logit.push(rng.uniform() * 4.0 - 1.5);
-        gaussians.rf.sh.extend((0..channels).map(|_| (rng.uniform() - 0.5) * 0.8));
+        gaussians.light.opacity_logit.push(0.0);
+        gaussians.light.sh.extend([0.0; 3]);
+        gaussians.radio.opacity_logit.push(rng.uniform() * 4.0 - 1.5);
+        gaussians.radio.sh.extend((0..channels).map(|_| (rng.uniform() - 0.5) * 0.8));
     }
     let pose = Rigid3::looking_at(DVec3::new(0.3, -0.2, 0.1), DVec3::new(0.1, 0.1, 3.0), DVec3::new(0.2, -1.0, 0.1));
-    let rf_camera = Pinhole { width: 17, height: 13, fx: 8.0, fy: 9.0, cx: 9.1, cy: 6.2 };
+    let radio_camera = Pinhole { width: 17, height: 13, fx: 8.0, fy: 9.0, cx: 9.1, cy: 6.2 };
     let value = |rng: &mut Rng| if rng.uniform() < 0.5 { rng.uniform() * 0.04 } else { 1.0 - rng.uniform() * 0.04 };
     let view = TrainingView {
         world_from_camera: pose,
-        optical: Planes { width: 1, height: 1, channels: 3, pixels: vec![0.0; 3] },
-        optical_camera: Pinhole { width: 1, height: 1, ..rf_camera },
-        rf: Planes { width: 17, height: 13, channels, pixels: (0..17 * 13 * channels).map(|_| value(&mut rng)).collect() },
-        rf_camera,
+        light: Planes { width: 1, height: 1, channels: 3, pixels: vec![0.0; 3] },
+        light_camera: Pinhole { width: 1, height: 1, ..radio_camera },
+        radio: Planes { width: 17, height: 13, channels, pixels: (0..17 * 13 * channels).map(|_| value(&mut rng)).collect() },
+        radio_camera,
         inverse_depth: None,
         mask: None,
     };
     let step = Step {
         view: ViewId(0),
         levels: [0; 2],
-        optical_weight: 0.0,
-        rf_weight: 1.0,
+        light_weight: 0.0,
+        radio_weight: 1.0,
         depth_weight: 0.0,
         train_geometry: true,
-        optical_background: [0.0; 3],
-        rf_background: BACKGROUND,
+        light_background: [0.0; 3],
+        radio_background: BACKGROUND,
     };
     let dense = DenseStep { step, number: 1, position_rate_m: 1e-4, degree: 0, screen_gradients: true };
     let step = DeformedStep { dense, receiver_m: pose.translation.as_vec3().to_array(), network_rate: 1e-3 };
@@ -105,8 +105,8 @@ fn shapes(g: &Gaussians) -> Vec<Shape<f64>> {
     (0..g.len())
         .map(|i| {
             let mut dc = [0.0; 3];
-            let c = g.rf.channels;
-            dc[..c].copy_from_slice(&wide(&g.rf.sh[c * i..c * (i + 1)]));
+            let c = g.radio.channels;
+            dc[..c].copy_from_slice(&wide(&g.radio.sh[c * i..c * (i + 1)]));
             Shape {
                 position: g.position[i].map(f64::from),
                 rotation: g.rotation[i].map(f64::from),
@@ -129,19 +129,19 @@ fn number(s: &mut Shape<f64>, k: usize) -> &mut f64 {
 impl Scenario {
     fn image(&self, deformed: &[Shape<f64>]) -> reference::Image {
         let mut field = Field::new(&self.gaussians);
-        let channels = self.gaussians.rf.channels;
+        let channels = self.gaussians.radio.channels;
         for (i, s) in deformed.iter().enumerate() {
             field.classes[0][3 * i..3 * i + 3].copy_from_slice(&s.position);
             field.classes[1][4 * i..4 * i + 4].copy_from_slice(&s.rotation);
             field.classes[2][3 * i..3 * i + 3].copy_from_slice(&s.log_scale);
             field.classes[6][channels * i..channels * (i + 1)].copy_from_slice(&s.dc[..channels]);
         }
-        let (pose, camera) = (&self.view.world_from_camera, &self.view.rf_camera);
+        let (pose, camera) = (&self.view.world_from_camera, &self.view.radio_camera);
         reference::render(&field, 1, pose, camera, BACKGROUND.map(f64::from), Antialias::Off, 0.1, None)
     }
 
     fn loss(&self, deformed: &[Shape<f64>]) -> f64 {
-        reference::image_loss(&self.image(deformed), &self.view.rf)
+        reference::image_loss(&self.image(deformed), &self.view.radio)
     }
 
     /// Gradients of the network and of the Gaussians, by class, in f64.
@@ -176,7 +176,7 @@ impl Scenario {
             };
             (at(STEP) - at(-STEP)) / (2.0 * STEP)
         };
-        let channels = self.gaussians.rf.channels;
+        let channels = self.gaussians.radio.channels;
         let of_class = |range: &std::ops::Range<usize>| -> Vec<f64> {
             let ks: Vec<usize> = range.clone().filter(|k| *k < 10 + channels).collect();
             (0..COUNT * ks.len()).into_par_iter().map(|n| slope(n / ks.len(), ks[n % ks.len()])).collect()
@@ -192,7 +192,7 @@ impl Scenario {
         let deformation = Deformation::<f64>::new(&self.config, self.parameters.iter().map(|p| f64::from(*p)).collect());
         let deformed: Vec<Shape<f64>> = deformation.apply(&shapes(&self.gaussians), receiver).iter().map(|d| d.0).collect();
         let loss = self.loss(&deformed);
-        assert!((f64::from(report.rf_loss) - loss).abs() < 1e-5, "{name}: loss {} {loss}", report.rf_loss);
+        assert!((f64::from(report.radio_loss) - loss).abs() < 1e-5, "{name}: loss {} {loss}", report.radio_loss);
         let compare = |what: &str, found: Vec<f32>, truth: &[f64]| {
             assert_eq!(found.len(), truth.len(), "{what}");
             let size = truth.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
@@ -203,7 +203,7 @@ impl Scenario {
         };
         compare("network", trainer.network().unwrap().moments[0].clone(), &truth.0);
         let m = trainer.device().state().unwrap().moments[0].clone();
-        let found = [m.position.as_flattened(), m.rotation.as_flattened(), m.log_scale.as_flattened(), &m.rf.sh];
+        let found = [m.position.as_flattened(), m.rotation.as_flattened(), m.log_scale.as_flattened(), &m.radio.sh];
         for ((found, truth), (what, _)) in found.into_iter().zip(&truth.1).zip(CLASSES) {
             compare(what, found.to_vec(), truth);
         }
@@ -212,8 +212,8 @@ impl Scenario {
 
 #[test]
 fn the_gradient_of_the_whole_loss_is_that_of_finite_differences() {
-    for (seed, rf_target, move_positions) in [(1, RfTarget::Jet, false), (2, RfTarget::Db, true)] {
-        let scenario = scenario(seed, rf_target, move_positions);
+    for (seed, radio_target, move_positions) in [(1, RadioTarget::Jet, false), (2, RadioTarget::Db, true)] {
+        let scenario = scenario(seed, radio_target, move_positions);
         let truth = scenario.truth();
         let mut cpu = CpuTrainer::new(&scenario.config, scenario.parameters.clone()).unwrap();
         scenario.check("cpu", &mut cpu, &truth);

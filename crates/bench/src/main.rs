@@ -27,7 +27,7 @@ fn main() -> ExitCode {
     interrupt::outlive_file_size_limit();
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
-        Err(answer) => return tell(&answer),
+        Err(answer) => return report(&answer),
     };
     match run(arguments) {
         Ok(Verdict::Done) => ExitCode::SUCCESS,
@@ -44,7 +44,7 @@ fn main() -> ExitCode {
 }
 
 /// Prints help, version, or what is wrong with the arguments.
-fn tell(answer: &clap::Error) -> ExitCode {
+fn report(answer: &clap::Error) -> ExitCode {
     let code = u8::try_from(answer.exit_code()).unwrap_or(2);
     match answer.print().and_then(|()| std::io::stdout().flush()) {
         Err(error) if !answer.use_stderr() && error.kind() != ErrorKind::BrokenPipe => {

@@ -19,9 +19,9 @@ const GAUSSIANS: usize = 15_000;
 const SIZE_M: f32 = 0.13;
 const LEVELS: u32 = 3;
 
-fn room(rf_channels: usize, degree: usize) -> Gaussians {
+fn room(radio_channels: usize, degree: usize) -> Gaussians {
     let mut rng = Rng::keyed(5, 0, 0);
-    let mut g = Gaussians::empty(rf_channels, degree);
+    let mut g = Gaussians::empty(radio_channels, degree);
     let half = [7.0_f32, 7.5, 1.75];
     // Walls, floor and ceiling in proportion to their areas.
     let area = [half[1] * half[2], half[0] * half[2], half[0] * half[1]];
@@ -34,7 +34,7 @@ fn room(rf_channels: usize, degree: usize) -> Gaussians {
         g.rotation.push([0; 4].map(|_| rng.normal() as f32));
         g.log_scale.push([0; 3].map(|_| (SIZE_M * 2.0_f32.powf(rng.uniform() * 2.0 - 1.0)).ln()));
     }
-    for a in [&mut g.optical, &mut g.rf] {
+    for a in [&mut g.light, &mut g.radio] {
         a.opacity_logit = (0..GAUSSIANS).map(|_| rng.uniform() * 4.0 - 3.5).collect();
         a.sh = (0..GAUSSIANS * a.stride())
             .map(|i| (rng.uniform() - 0.5) * if i % a.stride() < a.channels { 1.0 } else { 0.05 })
@@ -49,21 +49,21 @@ fn noise(camera: &Pinhole, channels: usize) -> Planes {
     Planes { width: camera.width, height: camera.height, channels, pixels }
 }
 
-fn device(rf_channels: usize, degree: usize) -> CpuDevice {
+fn device(radio_channels: usize, degree: usize) -> CpuDevice {
     // Rates of zero: every step sees the same scene.
     let mut optimizer =
         OptimizerConfig { position_rate_m: 0.0, log_scale_rate: 0.0, rotation_rate: 0.0, ..OptimizerConfig::default() };
-    for a in [&mut optimizer.optical, &mut optimizer.rf] {
+    for a in [&mut optimizer.light, &mut optimizer.radio] {
         (a.sh_dc, a.opacity) = (0.0, 0.0);
     }
-    let mut device = CpuDevice::new(optimizer, RasterConfig::default(), &room(rf_channels, degree)).expect("a valid field");
-    let (optical_camera, rf_camera) = (Pinhole::from_horizontal_fov(192, 108, 90.0), Pinhole::from_horizontal_fov(96, 64, 90.0));
+    let mut device = CpuDevice::new(optimizer, RasterConfig::default(), &room(radio_channels, degree)).expect("a valid field");
+    let (light_camera, radio_camera) = (Pinhole::from_horizontal_fov(192, 108, 90.0), Pinhole::from_horizontal_fov(96, 64, 90.0));
     let view = TrainingView {
         world_from_camera: Rigid3::looking_at(DVec3::new(-1.0, 0.5, 0.0), DVec3::new(5.0, 3.0, -0.2), DVec3::Z),
-        optical: noise(&optical_camera, 3),
-        optical_camera,
-        rf: noise(&rf_camera, rf_channels),
-        rf_camera,
+        light: noise(&light_camera, 3),
+        light_camera,
+        radio: noise(&radio_camera, radio_channels),
+        radio_camera,
         inverse_depth: None,
         mask: None,
     };
@@ -75,12 +75,12 @@ fn step(level: u32) -> Step {
     Step {
         view: ViewId(0),
         levels: [level; 2],
-        optical_weight: 1.0,
-        rf_weight: 0.1,
+        light_weight: 1.0,
+        radio_weight: 0.1,
         depth_weight: 0.0,
         train_geometry: true,
-        optical_background: [0.5; 3],
-        rf_background: [0.0, 0.0, 0.5],
+        light_background: [0.5; 3],
+        radio_background: [0.0, 0.0, 0.5],
     }
 }
 

@@ -17,8 +17,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let config = ReconstructionConfig { iterations_per_keyframe: 30, ..ReconstructionConfig::default() };
     let device = CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &config.empty_field())?;
     let range = dataset.db_range().ok_or("give a data set with spectra")?;
-    let (optical, rf) = (dataset.optical_camera(), dataset.rf_camera());
-    let mut reconstructor = Reconstructor::new(Box::new(device), config, optical, rf, range, 1)?;
+    let (light, radio) = (dataset.light_camera(), dataset.radio_camera());
+    let mut reconstructor = Reconstructor::new(Box::new(device), config, light, radio, range, 1)?;
 
     let held_out = 8;
     for index in (0..dataset.len()).filter(|index| *index != held_out) {

@@ -1,6 +1,6 @@
 //! The configuration of a reconstruction. Defaults are those of `corf-gs`; the paper's own values are in parentheses where they differ.
 
-use crate::{Appearance, Error, Gaussians, IdleKey, Result, target::RfTarget};
+use crate::{Appearance, Error, Gaussians, IdleKey, Result, target::RadioTarget};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -24,7 +24,8 @@ pub enum Coupling {
     /// Two stages: light alone online, then radio on the frozen geometry.
     Frozen,
     /// Two stages: light alone online, then radio, which may still move the geometry.
-    RfTuned,
+    #[serde(rename = "rf-tuned")]
+    RadioTuned,
 }
 
 /// The RF opacity a second stage starts from.
@@ -32,7 +33,8 @@ pub enum Coupling {
 #[serde(rename_all = "kebab-case")]
 pub enum SecondStageOpacity {
     /// The opacity light has learnt, as RF-3DGS does.
-    Optical,
+    #[serde(rename = "optical")]
+    Light,
     /// The opacity every Gaussian was born with.
     Initial,
 }
@@ -101,7 +103,8 @@ pub struct ReconstructionConfig {
     /// Published: 0.
     pub least_probability: f32,
     /// Encoding of the spectra that the RF field is trained on. Default `jet`, as in the paper.
-    pub rf_target: RfTarget,
+    #[serde(rename = "rf_target")]
+    pub radio_target: RadioTarget,
     /// Optimisation steps per keyframe (paper: 75).
     pub iterations_per_keyframe: usize,
     /// Number of these steps, the last ones of a keyframe, that overlap with the next keyframe's expansion: they run after it has surveyed
@@ -111,7 +114,8 @@ pub struct ReconstructionConfig {
     /// Pyramid levels (paper: 3).
     pub pyramid_levels: u32,
     /// Pyramid levels of the spectrum, at most `pyramid_levels`: with fewer it starts finer than the image. Default: as many, as published.
-    pub rf_pyramid_levels: Option<u32>,
+    #[serde(rename = "rf_pyramid_levels")]
+    pub radio_pyramid_levels: Option<u32>,
     /// A keyframe moves one pyramid level finer after this many of its own visits (5).
     pub visits_per_level: usize,
     /// Share of a keyframe's visits at the finest pyramid level that render the optical image at full resolution; the others render it one
@@ -121,16 +125,19 @@ pub struct ReconstructionConfig {
     /// Probability that a step visits the latest keyframe; otherwise it visits any of them. Published: 0.2. Default 0.05.
     pub latest_probability: f32,
     /// λ_rf (paper: 0.1).
-    pub rf_weight: f32,
+    #[serde(rename = "rf_weight")]
+    pub radio_weight: f32,
     /// η at a keyframe's first visit (paper: 0.01), in a world whose mean baseline is 0.1.
     pub depth_weight: f32,
     /// η's decay per visit of a keyframe (paper: 0.9).
     pub depth_weight_decay: f32,
     /// Spherical-harmonic degree of the optical colour, 0–3. Default 1: with some 75 visits a keyframe, higher degrees learn the training
     /// views by heart (lobby-mini, held out: 21.6 dB against 20.9 dB at degree 2).
-    pub optical_sh_degree: usize,
+    #[serde(rename = "optical_sh_degree")]
+    pub light_sh_degree: usize,
     /// Spherical-harmonic degree of the RF colour, 0–3. Default 3: at 60 GHz lower degrees lose 1.3 dB and more (public study).
-    pub rf_sh_degree: usize,
+    #[serde(rename = "rf_sh_degree")]
+    pub radio_sh_degree: usize,
     /// σ of the Laplacian of Gaussian, pixels of an image of up to 640 columns; it grows in proportion to wider ones, where grain of a pixel's
     /// size is no structure.
     pub log_sigma_px: f32,
@@ -303,23 +310,23 @@ impl Default for ReconstructionConfig {
     fn default() -> Self {
         Self {
             coupling: Coupling::Joint,
-            second_stage_opacity: SecondStageOpacity::Optical,
+            second_stage_opacity: SecondStageOpacity::Light,
             sampling: Sampling::Log,
             uniform_probability: 0.1,
             least_probability: 0.0,
-            rf_target: RfTarget::Jet,
+            radio_target: RadioTarget::Jet,
             iterations_per_keyframe: 75,
             overlapped_iterations: 0,
             pyramid_levels: 3,
-            rf_pyramid_levels: None,
+            radio_pyramid_levels: None,
             visits_per_level: 5,
             finest_share: None,
             latest_probability: 0.05,
-            rf_weight: 0.1,
+            radio_weight: 0.1,
             depth_weight: 0.01,
             depth_weight_decay: 0.9,
-            optical_sh_degree: 1,
-            rf_sh_degree: 3,
+            light_sh_degree: 1,
+            radio_sh_degree: 3,
             log_sigma_px: 0.8,
             scale_clamp: [0.5, 0.1],
             initial_opacity: [0.07, 0.02, 0.2],
@@ -358,17 +365,17 @@ impl ReconstructionConfig {
             ("pyramid_levels", (1..=6).contains(&self.pyramid_levels), "between 1 and 6 (paper: 3)"),
             (
                 "rf_pyramid_levels",
-                self.rf_pyramid_levels.is_none_or(|n| (1..=self.pyramid_levels).contains(&n)),
+                self.radio_pyramid_levels.is_none_or(|n| (1..=self.pyramid_levels).contains(&n)),
                 "between 1 and pyramid_levels",
             ),
             ("visits_per_level", self.visits_per_level >= 1, "at least 1"),
             ("finest_share", self.finest_share.is_none_or(probability), "a share between 0 and 1"),
             ("latest_probability", probability(self.latest_probability), "a probability between 0 and 1"),
-            ("rf_weight", weight(self.rf_weight), "not negative, up to 1e6 (paper: 0.1)"),
+            ("rf_weight", weight(self.radio_weight), "not negative, up to 1e6 (paper: 0.1)"),
             ("depth_weight", weight(self.depth_weight), "not negative, up to 1e6 (paper: 0.01)"),
             ("depth_weight_decay", probability(self.depth_weight_decay), "between 0 and 1 (paper: 0.9)"),
-            ("optical_sh_degree", self.optical_sh_degree <= 3, "0 to 3"),
-            ("rf_sh_degree", self.rf_sh_degree <= 3, "0 to 3"),
+            ("optical_sh_degree", self.light_sh_degree <= 3, "0 to 3"),
+            ("rf_sh_degree", self.radio_sh_degree <= 3, "0 to 3"),
             ("log_sigma_px", (0.05..=20.0).contains(&self.log_sigma_px), "between 0.05 and 20 pixels"),
             (
                 "scale_clamp",
@@ -444,8 +451,8 @@ impl ReconstructionConfig {
 
     /// No Gaussians yet, with the channels and harmonic degrees this configuration asks for: what a device is made with.
     pub fn empty_field(&self) -> Gaussians {
-        let mut field = Gaussians::empty(self.rf_target.channels(), self.optical_sh_degree);
-        field.rf = Appearance::empty(self.rf_target.channels(), self.rf_sh_degree);
+        let mut field = Gaussians::empty(self.radio_target.channels(), self.light_sh_degree);
+        field.radio = Appearance::empty(self.radio_target.channels(), self.radio_sh_degree);
         field
     }
 
@@ -463,7 +470,7 @@ mod tests {
     fn defaults_are_the_papers_and_valid() {
         let config = ReconstructionConfig::default();
         config.validate().unwrap();
-        assert_eq!((config.iterations_per_keyframe, config.pyramid_levels, config.rf_weight), (75, 3, 0.1));
+        assert_eq!((config.iterations_per_keyframe, config.pyramid_levels, config.radio_weight), (75, 3, 0.1));
     }
 
     #[test]
@@ -472,7 +479,7 @@ mod tests {
         assert!(error.contains("rf_wieght"), "{error}");
         let config: ReconstructionConfig =
             serde_json::from_str(r#"{"depth": {"near_m": -1.0}, "coupling": "rf-tuned"}"#).unwrap();
-        assert_eq!(config.coupling, Coupling::RfTuned);
+        assert_eq!(config.coupling, Coupling::RadioTuned);
         let error = config.validate().unwrap_err().to_string();
         assert!(error.contains("depth.near_m"), "{error}");
     }

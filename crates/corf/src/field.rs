@@ -4,7 +4,7 @@ use crate::{
     Antialias, Device, Error, Gaussians, Result,
     device::{Layer, Planes, RenderRequest, View},
     files::ply,
-    target::{RfTarget, linear_from_scalar},
+    target::{RadioTarget, linear_from_scalar},
 };
 use corf_scene::{
     Pinhole, Raster, Rigid3,
@@ -20,16 +20,20 @@ use std::path::Path;
 #[serde(deny_unknown_fields, remote = "Self")]
 pub struct FieldMeta {
     /// Encoding of the RF field's colours.
-    pub rf_target: RfTarget,
+    #[serde(rename = "rf_target")]
+    pub radio_target: RadioTarget,
     /// The dB range of scalar 0 and 1; of a field without radio [`Self::RANGE_WITHOUT_RADIO`].
     pub db_range: DbRange,
     /// Intrinsics of the optical images.
-    pub optical_camera: Pinhole,
+    #[serde(rename = "optical_camera")]
+    pub light_camera: Pinhole,
     /// Intrinsics of the RF images.
-    pub rf_camera: Pinhole,
+    #[serde(rename = "rf_camera")]
+    pub radio_camera: Pinhole,
     /// Colour behind the RF field, where it is not that of a direction without power.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rf_background: Option<[f32; 3]>,
+    #[serde(rename = "rf_background")]
+    pub radio_background: Option<[f32; 3]>,
     /// What the field was trained on. Opacity and colour of the other modality are those that Gaussians are born with, and mean nothing.
     #[serde(default, skip_serializing_if = "Modalities::are_both")]
     pub modalities: Modalities,
@@ -50,7 +54,7 @@ pub struct FieldRendering {
     /// Light: sRGB-encoded `[0, 1]`.
     pub image: Raster<[f32; 3]>,
     /// The RF image as rendered, C_rf channels.
-    pub rf: Planes,
+    pub radio: Planes,
     /// Scalar dB level in `[0, 1]`.
     pub scalar: Raster<f32>,
     /// Linear power, in the unit of the spectra that the field was trained on.
@@ -83,7 +87,7 @@ impl FieldMeta {
     /// # Errors
     /// A camera without pixels or focal length, an empty dB range, or a background that is no colour.
     pub fn validate(&self) -> Result<()> {
-        for (name, c) in [("optical_camera", &self.optical_camera), ("rf_camera", &self.rf_camera)] {
+        for (name, c) in [("optical_camera", &self.light_camera), ("rf_camera", &self.radio_camera)] {
             let focal = |f: f64| f.is_finite() && f > 0.0;
             if c.width == 0 || c.height == 0 || !focal(c.fx) || !focal(c.fy) || !c.cx.is_finite() || !c.cy.is_finite() {
                 let what = format!("{}x{} pixels, fx {}, fy {}", c.width, c.height, c.fx, c.fy);
@@ -94,21 +98,28 @@ impl FieldMeta {
         if !(min_db.is_finite() && max_db.is_finite() && min_db < max_db) {
             return Err(Error::invalid("db_range", format!("{min_db} to {max_db} dB is empty"), "give min_db < max_db, finite"));
         }
-        if let Some(color) = self.rf_background.filter(|c| c.iter().any(|v| !(0.0..=1.0).contains(v))) {
+        if let Some(color) = self.radio_background.filter(|c| c.iter().any(|v| !(0.0..=1.0).contains(v))) {
             return Err(Error::invalid("rf_background", format!("{color:?} is no colour"), "give three numbers from 0 to 1"));
         }
         Ok(())
     }
 
     /// The colour behind the RF field.
-    pub fn rf_background_color(&self) -> [f32; 3] {
-        self.rf_background.unwrap_or(self.rf_target.floor_color())
+    pub fn radio_background_color(&self) -> [f32; 3] {
+        self.radio_background.unwrap_or(self.radio_target.floor_color())
     }
 
     /// What headers say of a field in the world frame that was trained with this filter.
     pub fn notes(&self, antialias: Antialias) -> ply::Notes {
-        let rf_background = self.rf_background_color();
-        ply::Notes { antialias, up: [0, 0, 1], rf_target: self.rf_target, db_range: self.db_range, rf_background, offset_m: None }
+        let radio_background = self.radio_background_color();
+        ply::Notes {
+            antialias,
+            up: [0, 0, 1],
+            radio_target: self.radio_target,
+            db_range: self.db_range,
+            radio_background,
+            offset_m: None,
+        }
     }
 
     /// Renders the Gaussians that `device` holds at a pose, both cameras at once.
@@ -117,24 +128,24 @@ impl FieldMeta {
     /// The device's.
     pub fn render(&self, device: &mut dyn Device, world_from_camera: Rigid3) -> Result<FieldRendering> {
         let view = |camera| View { camera, world_from_camera };
-        let background = self.rf_background_color();
+        let background = self.radio_background_color();
         let rendering = device.render(&RenderRequest {
-            optical: Some((view(self.optical_camera), [0.0; 3])),
-            rf: Some((view(self.rf_camera), background)),
+            light: Some((view(self.light_camera), [0.0; 3])),
+            radio: Some((view(self.radio_camera), background)),
             main_contributor: false,
         })?;
         let missing = || {
             Error::invalid(device.name(), "the device left out a modality that was asked for", "this is a defect of the device")
         };
-        let (optical, rf) = (rendering.optical.ok_or_else(missing)?, rendering.rf.ok_or_else(missing)?);
-        let image = optical.color.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
-        let scalar = self.rf_target.scalar(&rf.color);
+        let (light, radio) = (rendering.light.ok_or_else(missing)?, rendering.radio.ok_or_else(missing)?);
+        let image = light.color.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
+        let scalar = self.radio_target.scalar(&radio.color);
         Ok(FieldRendering {
-            image: Raster::from_vec(optical.color.width, optical.color.height, image),
+            image: Raster::from_vec(light.color.width, light.color.height, image),
             spectrum: linear_from_scalar(&scalar, &self.db_range),
             scalar,
-            rf: rf.color,
-            inverse_depth: normalised_inverse_depth(&optical),
+            radio: radio.color,
+            inverse_depth: normalised_inverse_depth(&light),
         })
     }
 }
@@ -148,10 +159,10 @@ impl Field {
     pub fn write(&self, folder: &Path, antialias: Antialias) -> Result<()> {
         let notes = self.meta.notes(antialias);
         if self.meta.modalities.light {
-            ply::write_optical(&folder.join("optical.ply"), &self.gaussians, &notes)?;
+            ply::write_light(&folder.join("optical.ply"), &self.gaussians, &notes)?;
         }
         if self.meta.modalities.radio {
-            ply::write_rf(&folder.join("rf.ply"), &self.gaussians, &notes)?;
+            ply::write_radio(&folder.join("rf.ply"), &self.gaussians, &notes)?;
         }
         ply::write_coupled(&folder.join("coupled.ply"), &self.gaussians, &notes)?;
         let path = folder.join("field.json");
@@ -176,10 +187,10 @@ impl Field {
         meta.validate()?;
         let model = folder.join("coupled.ply");
         let gaussians = ply::read_coupled(&model)?;
-        if gaussians.rf.channels != meta.rf_target.channels() {
+        if gaussians.radio.channels != meta.radio_target.channels() {
             return Err(Error::invalid(
                 model.display().to_string(),
-                format!("the RF colour has {} channel(s) and field.json says {:?}", gaussians.rf.channels, meta.rf_target),
+                format!("the RF colour has {} channel(s) and field.json says {:?}", gaussians.radio.channels, meta.radio_target),
                 "the two files belong to different reconstructions",
             ));
         }
@@ -234,11 +245,11 @@ mod tests {
     fn the_sensor_that_earlier_versions_named_is_read_over_and_written_no_more() {
         let camera = Pinhole::from_horizontal_fov(8, 6, 90.0);
         let meta = FieldMeta {
-            rf_target: RfTarget::Jet,
+            radio_target: RadioTarget::Jet,
             db_range: FieldMeta::RANGE_WITHOUT_RADIO,
-            optical_camera: camera,
-            rf_camera: camera,
-            rf_background: Some([0.1, 0.2, 0.3]),
+            light_camera: camera,
+            radio_camera: camera,
+            radio_background: Some([0.1, 0.2, 0.3]),
             modalities: Modalities::BOTH,
         };
         let mut written = serde_json::to_value(meta).unwrap();

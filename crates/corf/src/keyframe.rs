@@ -22,11 +22,11 @@ pub fn check(keyframe: &Keyframe, meta: &FieldMeta) -> Result<()> {
             ("mask", mask.as_ref().map(size)),
         ];
         for (what, got) in rasters {
-            got.map_or(Ok(()), |got| check_size(&place, what, got, &meta.optical_camera))?;
+            got.map_or(Ok(()), |got| check_size(&place, what, got, &meta.light_camera))?;
         }
     }
     if let Some(Radio { spectrum }) = radio {
-        check_size(&place, "spectrum", size(spectrum), &meta.rf_camera)?;
+        check_size(&place, "spectrum", size(spectrum), &meta.radio_camera)?;
     }
     if !pose.translation.is_finite() || !pose.rotation.is_finite() {
         return Err(Error::invalid(place, "the pose is not finite", "remove or repair this keyframe"));
@@ -51,7 +51,7 @@ pub fn guide<'k>(keyframe: &'k Keyframe, meta: &FieldMeta) -> Result<Cow<'k, Lig
         (Some(light), _) => Ok(Cow::Borrowed(light)),
         (None, Some(Radio { spectrum })) => {
             let place = format!("keyframe {}", keyframe.index);
-            check_size(&place, "spectrum, which guides growth where there is no image,", size(spectrum), &meta.optical_camera)?;
+            check_size(&place, "spectrum, which guides growth where there is no image,", size(spectrum), &meta.light_camera)?;
             Ok(Cow::Owned(Light::of_image(meta.db_range.jet_image(spectrum))))
         }
         (None, None) => Err(nothing(keyframe)),
@@ -80,7 +80,7 @@ fn check_size(place: &str, what: &str, got: (usize, usize), camera: &Pinhole) ->
 
 /// An 8-bit image as the target in light: 3 channels, sRGB-encoded `[0, 1]`. Where its mask leaves pixels out, it continues with the nearest
 /// that count: what is in their place there leaves no edge around it, where Gaussians would grow, nor contrast in the windows of SSIM.
-pub fn optical(light: &Light) -> Planes {
+pub fn light(light: &Light) -> Planes {
     let mut image = Cow::Borrowed(&light.image);
     if let Some(mask) = light.mask.as_ref().filter(|m| m.pixels().contains(&false)) {
         fill(image.to_mut(), &mask.map(|counts| !counts).into_vec());
@@ -91,22 +91,22 @@ pub fn optical(light: &Light) -> Planes {
 
 /// A spectrum as the target in radio: as many channels as `meta`'s target has. Without radio it is that of no power anywhere, on which nothing is to
 /// be trained: a device's view has both halves.
-pub fn rf(radio: Option<&Radio>, meta: &FieldMeta) -> Planes {
+pub fn radio(radio: Option<&Radio>, meta: &FieldMeta) -> Planes {
     match radio {
-        Some(Radio { spectrum }) => meta.rf_target.encode(spectrum, &meta.db_range),
-        None => meta.rf_target.no_power(meta.rf_camera.width, meta.rf_camera.height),
+        Some(Radio { spectrum }) => meta.radio_target.encode(spectrum, &meta.db_range),
+        None => meta.radio_target.no_power(meta.radio_camera.width, meta.radio_camera.height),
     }
 }
 
 /// The training target of a pose.
 pub fn training_view(
     world_from_camera: Rigid3,
-    optical: Planes,
-    rf: Planes,
+    light: Planes,
+    radio: Planes,
     inverse_depth: Option<InverseDepth>,
     mask: Option<Raster<bool>>,
     meta: &FieldMeta,
 ) -> TrainingView {
-    let (optical_camera, rf_camera) = (meta.optical_camera, meta.rf_camera);
-    TrainingView { world_from_camera, optical_camera, optical, rf_camera, rf, inverse_depth, mask }
+    let (light_camera, radio_camera) = (meta.light_camera, meta.radio_camera);
+    TrainingView { world_from_camera, light_camera, light, radio_camera, radio, inverse_depth, mask }
 }

@@ -55,4 +55,4 @@ pub use idle::IdleKey;
 pub use numeric::Real;
 pub use optimizer::{Antialias, AppearanceRates, OptimizerConfig, RasterConfig};
 pub use reconstructor::{Checkpoint, KeyframeReport, KeyframeTiming, LatencySummary, Percentiles, Reconstructor};
-pub use target::RfTarget;
+pub use target::RadioTarget;

@@ -92,10 +92,12 @@ pub struct OptimizerConfig {
     /// Quaternion components, per step.
     pub rotation_rate: f32,
     /// Rates of the appearance in light.
-    pub optical: AppearanceRates,
+    #[serde(rename = "optical")]
+    pub light: AppearanceRates,
     /// Rates of the appearance at 60 GHz. Its higher bands learn ten times as fast as published: what a surface sends depends more on the
     /// direction at 60 GHz than in light.
-    pub rf: AppearanceRates,
+    #[serde(rename = "rf")]
+    pub radio: AppearanceRates,
     /// Adam's β₁.
     pub beta1: f32,
     /// Adam's β₂.
@@ -113,8 +115,8 @@ impl Default for OptimizerConfig {
             position_decay: 2e-5,
             log_scale_rate: 0.01,
             rotation_rate: 0.002,
-            optical: AppearanceRates::default(),
-            rf: AppearanceRates { sh_rest_divisor: 2.0, ..AppearanceRates::default() },
+            light: AppearanceRates::default(),
+            radio: AppearanceRates { sh_rest_divisor: 2.0, ..AppearanceRates::default() },
             beta1: 0.5,
             beta2: 0.99,
             epsilon: 1e-15,
@@ -157,7 +159,7 @@ impl OptimizerConfig {
             let what = format!("{:?} does not keep steps of parameters without a gradient finite", self.epsilon);
             return Err(Error::invalid("optimizer.epsilon", what, format!("give a number from {MIN_EPSILON:e} to 1")));
         }
-        for (name, a) in [("optical", &self.optical), ("rf", &self.rf)] {
+        for (name, a) in [("optical", &self.light), ("rf", &self.radio)] {
             rate(&format!("{name}.sh_dc"), a.sh_dc)?;
             rate(&format!("{name}.opacity"), a.opacity)?;
             if !(1e-3..=1e6).contains(&a.sh_rest_divisor) {

@@ -8,14 +8,14 @@ use serde::{Deserialize, Serialize};
 /// The picture an angular power spectrum is turned into before it is learnt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum RfTarget {
+pub enum RadioTarget {
     /// Three channels: the Jet colour of the scalar dB level (as the paper).
     Jet,
     /// One channel: the scalar dB level in `[0, 1]`.
     Db,
 }
 
-impl RfTarget {
+impl RadioTarget {
     /// Channels of the RF field, C_rf.
     pub fn channels(self) -> usize {
         match self {
@@ -75,14 +75,14 @@ mod tests {
     fn a_spectrum_survives_encoding_and_decoding_in_both_targets() {
         let range = DbRange { min_db: -120.0, max_db: -60.0 };
         let spectrum = Raster::from_fn(13, 5, |x, y| 10f32.powf(-12.0 + 0.09 * (x * 5 + y) as f32));
-        for target in [RfTarget::Jet, RfTarget::Db] {
+        for target in [RadioTarget::Jet, RadioTarget::Db] {
             let image = target.encode(&spectrum, &range);
             assert_eq!(image.pixels.len(), 13 * 5 * target.channels());
             let scalar = target.scalar(&image);
             let back = linear_from_scalar(&scalar, &range);
             for (&linear, (&s, &b)) in spectrum.pixels().iter().zip(scalar.pixels().iter().zip(back.pixels())) {
                 let exact = range.scalar(linear);
-                if target == RfTarget::Jet && (0.11..=0.125).contains(&exact) {
+                if target == RadioTarget::Jet && (0.11..=0.125).contains(&exact) {
                     assert!((s - exact).abs() < JET_PLATEAU, "{s} {exact}");
                     continue;
                 }
@@ -96,7 +96,7 @@ mod tests {
     fn no_power_is_the_floor_in_both_targets() {
         let range = DbRange { min_db: -120.0, max_db: -60.0 };
         let silence = Raster::filled(2, 2, 0.0);
-        for target in [RfTarget::Jet, RfTarget::Db] {
+        for target in [RadioTarget::Jet, RadioTarget::Db] {
             let image = target.encode(&silence, &range);
             assert_eq!(&image.pixels[..target.channels()], &target.floor_color()[..target.channels()]);
             assert_eq!(image, target.no_power(2, 2));

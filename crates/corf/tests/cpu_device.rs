@@ -20,8 +20,8 @@ fn view() -> View {
     View { camera: camera(), world_from_camera: Rigid3::IDENTITY }
 }
 
-fn optical(background: [f32; 3]) -> RenderRequest {
-    RenderRequest { optical: Some((view(), background)), rf: None, main_contributor: true }
+fn light(background: [f32; 3]) -> RenderRequest {
+    RenderRequest { light: Some((view(), background)), radio: None, main_contributor: true }
 }
 
 /// Round Gaussians of given position, deviation (m), opacity and colour, alike in both modalities.
@@ -31,7 +31,7 @@ fn field(list: &[([f32; 3], f32, f32, [f32; 3])]) -> Gaussians {
         g.position.push(*position);
         g.rotation.push([1.0, 0.0, 0.0, 0.0]);
         g.log_scale.push([deviation.ln(); 3]);
-        for a in [&mut g.optical, &mut g.rf] {
+        for a in [&mut g.light, &mut g.radio] {
             a.opacity_logit.push(logit(*opacity));
             a.sh.extend(color.map(|c| (c - 0.5) / SH_C0));
         }
@@ -56,8 +56,8 @@ fn nothing_shows_the_background_alone() {
     let mut empty = CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &Gaussians::empty(3, 2)).unwrap();
     let behind = field(&[([0.0, 0.0, -2.0], 0.3, 0.9, [1.0, 0.0, 0.0]), ([50.0, 0.0, 2.0], 0.3, 0.9, [1.0, 0.0, 0.0])]);
     for device in [&mut empty, &mut device(&behind)] {
-        let out = device.render(&optical([0.25, 0.5, 0.75])).unwrap();
-        let layer = out.optical.unwrap();
+        let out = device.render(&light([0.25, 0.5, 0.75])).unwrap();
+        let layer = out.light.unwrap();
         assert!(layer.color.pixels.chunks(3).all(|p| p == [0.25, 0.5, 0.75]));
         assert!(layer.transmittance.pixels().iter().all(|t| *t == 1.0));
         assert!(layer.inverse_depth.pixels().iter().all(|d| *d == 0.0));
@@ -69,7 +69,7 @@ fn nothing_shows_the_background_alone() {
 fn a_wide_gaussian_blends_its_colour_over_the_background_by_its_opacity() {
     // 20 m wide at 2 m: flat over the image. The centre pixel's centre is the mean itself.
     let mut d = device(&field(&[([0.0, 0.0, 2.0], 20.0, 0.6, [0.9, 0.3, 0.1])]));
-    let layer = d.render(&optical([0.0, 1.0, 0.5])).unwrap().optical.unwrap();
+    let layer = d.render(&light([0.0, 1.0, 0.5])).unwrap().light.unwrap();
     for (c, (front, back)) in [(0.9, 0.0), (0.3, 1.0), (0.1, 0.5)].into_iter().enumerate() {
         assert!((pixel(&layer.color, 18, 14)[c] - (0.6 * front + 0.4 * back)).abs() < ROUNDING * 10.0);
     }
@@ -83,8 +83,8 @@ fn the_nearer_gaussian_hides_the_farther_whatever_their_order() {
     let far = ([0.0, 0.0, 4.0], 5.0, 0.9995, [0.0, 1.0, 0.0]);
     let mut images = vec![];
     for (list, nearest) in [([near, far], 0), ([far, near], 1)] {
-        let out = device(&field(&list)).render(&optical([0.0; 3])).unwrap();
-        let layer = out.optical.unwrap();
+        let out = device(&field(&list)).render(&light([0.0; 3])).unwrap();
+        let layer = out.light.unwrap();
         assert_eq!(out.main_contributor.unwrap()[(18, 14)], nearest);
         // No Gaussian hides more than 0.999.
         assert!((pixel(&layer.color, 18, 14)[0] - 0.999).abs() < ROUNDING);
@@ -104,7 +104,7 @@ fn antialiasing_keeps_the_light_of_a_gaussian_thinner_than_a_pixel() {
         let sums = places.map(|[x, y]| {
             let g = field(&[([x, y, 3.0], deviation_px * 0.1, 0.9, [1.0; 3])]);
             let mut d = CpuDevice::new(OptimizerConfig::default(), raster, &g).unwrap();
-            let layer = d.render(&optical([0.0; 3])).unwrap().optical.unwrap();
+            let layer = d.render(&light([0.0; 3])).unwrap().light.unwrap();
             layer.transmittance.pixels().iter().map(|t| 1.0 - t).sum::<f32>()
         });
         sums.sum::<f32>()
@@ -115,9 +115,9 @@ fn antialiasing_keeps_the_light_of_a_gaussian_thinner_than_a_pixel() {
     assert!(grown < 2.0, "without the factor the small one is drawn too bright: {grown}");
 }
 
-fn training_view(rf_channels: usize, seed: u64) -> TrainingView {
+fn training_view(radio_channels: usize, seed: u64) -> TrainingView {
     let mut rng = Rng::keyed(seed, 0, 0);
-    let rf_camera = Pinhole { width: 21, height: 13, fx: 15.0, fy: 15.0, cx: 10.0, cy: 7.0 };
+    let radio_camera = Pinhole { width: 21, height: 13, fx: 15.0, fy: 15.0, cx: 10.0, cy: 7.0 };
     let mut smooth = |camera: &Pinhole, channels: usize| {
         let phase: Vec<f32> = (0..3 * channels).map(|_| rng.uniform() * 6.0).collect();
         let mut pixels = vec![];
@@ -133,10 +133,10 @@ fn training_view(rf_channels: usize, seed: u64) -> TrainingView {
     };
     TrainingView {
         world_from_camera: Rigid3::looking_at(DVec3::new(0.1, 0.0, 0.0), DVec3::new(0.0, 0.1, 3.0), DVec3::new(0.0, -1.0, 0.0)),
-        optical: smooth(&camera(), 3),
-        optical_camera: camera(),
-        rf: smooth(&rf_camera, rf_channels),
-        rf_camera,
+        light: smooth(&camera(), 3),
+        light_camera: camera(),
+        radio: smooth(&radio_camera, radio_channels),
+        radio_camera,
         inverse_depth: Some(InverseDepth {
             value: Raster::filled(37, 29, 0.35),
             confidence: Raster::from_fn(37, 29, |x, _| if x % 3 == 0 { 0.0 } else { 0.8 }),
@@ -146,14 +146,14 @@ fn training_view(rf_channels: usize, seed: u64) -> TrainingView {
 }
 
 /// A wall of Gaussians 3 m away, wider than the image; numbers beyond a chunk of any plausible size.
-fn wall(n: usize, rf_channels: usize, degree: usize) -> Gaussians {
+fn wall(n: usize, radio_channels: usize, degree: usize) -> Gaussians {
     let mut rng = Rng::keyed(9, 0, 0);
-    let mut g = Gaussians::empty(rf_channels, degree);
+    let mut g = Gaussians::empty(radio_channels, degree);
     for _ in 0..n {
         g.position.push([(rng.uniform() - 0.5) * 6.0, (rng.uniform() - 0.5) * 5.0, 2.8 + 0.4 * rng.uniform()]);
         g.rotation.push([0; 4].map(|_| rng.normal() as f32));
         g.log_scale.push([0; 3].map(|_| 0.08_f32.ln() + 0.5 * rng.uniform()));
-        for a in [&mut g.optical, &mut g.rf] {
+        for a in [&mut g.light, &mut g.radio] {
             a.opacity_logit.push(logit(0.3));
             a.sh.extend((0..a.stride()).map(|_| (rng.uniform() - 0.5) * 0.1));
         }
@@ -165,12 +165,12 @@ fn step(level: u32) -> Step {
     Step {
         view: ViewId(0),
         levels: [level; 2],
-        optical_weight: 1.0,
-        rf_weight: 0.1,
+        light_weight: 1.0,
+        radio_weight: 0.1,
         depth_weight: 0.01,
         train_geometry: true,
-        optical_background: [0.3, 0.6, 0.1],
-        rf_background: [0.0, 0.0, 0.5],
+        light_background: [0.3, 0.6, 0.1],
+        radio_background: [0.0, 0.0, 0.5],
     }
 }
 
@@ -186,7 +186,7 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
             d.upload(&training_view(3, 4), 2).unwrap();
             let steps: Vec<Step> = (0..12).map(|i| step(i % 2)).collect();
             let report = d.train(&steps).unwrap();
-            let image = d.render(&optical([0.0; 3])).unwrap().optical.unwrap().color;
+            let image = d.render(&light([0.0; 3])).unwrap().light.unwrap().color;
             (report, d.gaussians().unwrap(), image)
         })
     };
@@ -203,21 +203,24 @@ fn one_image_is_learnt() {
     d.upload(&target, 1).unwrap();
     let quality = |d: &mut CpuDevice| {
         let request = RenderRequest {
-            optical: Some((
-                View { camera: target.optical_camera, world_from_camera: target.world_from_camera },
-                step(0).optical_background,
+            light: Some((
+                View { camera: target.light_camera, world_from_camera: target.world_from_camera },
+                step(0).light_background,
             )),
-            rf: Some((View { camera: target.rf_camera, world_from_camera: target.world_from_camera }, step(0).rf_background)),
+            radio: Some((
+                View { camera: target.radio_camera, world_from_camera: target.world_from_camera },
+                step(0).radio_background,
+            )),
             main_contributor: false,
         };
         let out = d.render(&request).unwrap();
-        [psnr_8bit(&out.optical.unwrap().color, &target.optical), psnr_8bit(&out.rf.unwrap().color, &target.rf)]
+        [psnr_8bit(&out.light.unwrap().color, &target.light), psnr_8bit(&out.radio.unwrap().color, &target.radio)]
     };
     let before = quality(&mut d);
     let mut losses = vec![];
     for _ in 0..8 {
         let r = d.train(&[step(0); 60]).unwrap();
-        losses.push(r.optical_loss + 0.1 * r.rf_loss);
+        losses.push(r.light_loss + 0.1 * r.radio_loss);
     }
     let after = quality(&mut d);
     // Adam with a fixed rate wanders by some per cent of the loss near the end.
@@ -235,31 +238,31 @@ fn frozen_geometry_and_unweighted_modalities_stay_as_they_are_with_their_moments
         d.upload(&training_view(3, 4), 1).unwrap();
         d
     };
-    let frozen = Step { train_geometry: false, optical_weight: 0.0, depth_weight: 0.0, ..step(0) };
+    let frozen = Step { train_geometry: false, light_weight: 0.0, depth_weight: 0.0, ..step(0) };
     let mut d = fresh();
     d.train(&[frozen; 5]).unwrap();
     let g = d.gaussians().unwrap();
     assert_eq!(
-        (&g.position, &g.rotation, &g.log_scale, &g.optical),
-        (&start.position, &start.rotation, &start.log_scale, &start.optical)
+        (&g.position, &g.rotation, &g.log_scale, &g.light),
+        (&start.position, &start.rotation, &start.log_scale, &start.light)
     );
-    assert_ne!(g.rf, start.rf);
+    assert_ne!(g.radio, start.radio);
     // Its moments have not moved either: an optical step with geometry ends where one from the start ends.
-    let optical_only = Step { rf_weight: 0.0, ..step(0) };
-    d.train(&[optical_only]).unwrap();
+    let light_only = Step { radio_weight: 0.0, ..step(0) };
+    d.train(&[light_only]).unwrap();
     let mut other = fresh();
-    other.train(&[optical_only]).unwrap();
+    other.train(&[light_only]).unwrap();
     let (a, b) = (d.gaussians().unwrap(), other.gaussians().unwrap());
-    assert_eq!((&a.position, &a.rotation, &a.log_scale, &a.optical), (&b.position, &b.rotation, &b.log_scale, &b.optical));
+    assert_eq!((&a.position, &a.rotation, &a.log_scale, &a.light), (&b.position, &b.rotation, &b.log_scale, &b.light));
     assert_ne!(b.position, start.position);
-    assert_eq!(b.rf, start.rf);
+    assert_eq!(b.radio, start.radio);
 }
 
 #[test]
 fn the_first_step_of_adam_is_its_closed_form() {
     // Without bias correction m = (1−β₁) g and v = (1−β₂) g², so a step is rate · (1−β₁)/sqrt(1−β₂) = 5·rate against the gradient's sign.
     let start = wall(300, 1, 1);
-    let config = OptimizerConfig { rf: AppearanceRates::default(), ..metric_rates() };
+    let config = OptimizerConfig { radio: AppearanceRates::default(), ..metric_rates() };
     let mut d = CpuDevice::new(config, RasterConfig::default(), &start).unwrap();
     d.upload(&training_view(1, 4), 1).unwrap();
     let (_, gradient) = d.gradients(&step(0)).unwrap();
@@ -281,10 +284,10 @@ fn the_first_step_of_adam_is_its_closed_form() {
             moved("log scale", start.log_scale[i][k], after.log_scale[i][k], gradient.log_scale[i][k], 0.01);
         }
         moved("rotation", start.rotation[i][0], after.rotation[i][0], gradient.rotation[i][0], 0.002);
-        moved("opacity", start.rf.opacity_logit[i], after.rf.opacity_logit[i], gradient.rf.opacity_logit[i], 0.1);
-        for (k, (b, a)) in start.optical.sh[i * 12..i * 12 + 12].iter().zip(&after.optical.sh[i * 12..]).enumerate() {
+        moved("opacity", start.radio.opacity_logit[i], after.radio.opacity_logit[i], gradient.radio.opacity_logit[i], 0.1);
+        for (k, (b, a)) in start.light.sh[i * 12..i * 12 + 12].iter().zip(&after.light.sh[i * 12..]).enumerate() {
             let rate = if k < 3 { 5e-3 } else { 5e-3 / 20.0 };
-            moved("optical sh", *b, *a, gradient.optical.sh[i * 12 + k], rate);
+            moved("optical sh", *b, *a, gradient.light.sh[i * 12 + k], rate);
         }
     }
     assert!(seen > 100, "{seen} Gaussians have gradients");
@@ -294,21 +297,21 @@ fn the_first_step_of_adam_is_its_closed_form() {
 fn clamps_pass_no_gradient() {
     // Red is clamped at 0; the weight is capped at 0.999 over the whole image, so neither opacity nor shape can change it.
     let mut g = field(&[([0.0, 0.0, 3.0], 200.0, 0.99999, [-0.4, 0.3, 0.6])]);
-    g.optical.opacity_logit[0] = 12.0;
+    g.light.opacity_logit[0] = 12.0;
     let mut d = device(&g);
     let view = TrainingView { inverse_depth: None, ..training_view(3, 4) };
     d.upload(&view, 1).unwrap();
-    let (_, gradient) = d.gradients(&Step { rf_weight: 0.0, depth_weight: 0.0, ..step(0) }).unwrap();
-    assert_eq!(gradient.optical.sh[0], 0.0);
-    assert!(gradient.optical.sh[1] != 0.0 && gradient.optical.sh[2] != 0.0);
-    assert_eq!(gradient.optical.opacity_logit, [0.0]);
+    let (_, gradient) = d.gradients(&Step { radio_weight: 0.0, depth_weight: 0.0, ..step(0) }).unwrap();
+    assert_eq!(gradient.light.sh[0], 0.0);
+    assert!(gradient.light.sh[1] != 0.0 && gradient.light.sh[2] != 0.0);
+    assert_eq!(gradient.light.opacity_logit, [0.0]);
     assert_eq!((gradient.position[0], gradient.log_scale[0]), ([0.0; 3], [0.0; 3]));
     // Below the cap the same Gaussian's opacity matters.
-    g.optical.opacity_logit[0] = 2.0;
+    g.light.opacity_logit[0] = 2.0;
     let mut d = device(&g);
     d.upload(&view, 1).unwrap();
     let (_, gradient) = d.gradients(&step(0)).unwrap();
-    assert_ne!(gradient.optical.opacity_logit, [0.0]);
+    assert_ne!(gradient.light.opacity_logit, [0.0]);
 }
 
 #[test]
@@ -323,10 +326,10 @@ fn retained_gaussians_keep_their_optimiser_state_and_appended_ones_start_fresh()
     let kept: Vec<usize> = (0..600).filter(|i| keep[*i]).collect();
     let after = d.gaussians().unwrap();
     assert_eq!(after.len(), 400);
-    let stride = before.rf.stride();
+    let stride = before.radio.stride();
     for (new, old) in kept.iter().enumerate() {
         assert_eq!(after.position[new], before.position[*old]);
-        assert_eq!(after.rf.sh[new * stride..(new + 1) * stride], before.rf.sh[old * stride..(old + 1) * stride]);
+        assert_eq!(after.radio.sh[new * stride..(new + 1) * stride], before.radio.sh[old * stride..(old + 1) * stride]);
     }
     // Keeping all is the same as not being asked.
     let mut same = CpuDevice::new(metric_rates(), RasterConfig::default(), &both).unwrap();
@@ -366,16 +369,16 @@ fn retained_gaussians_keep_their_optimiser_state_and_appended_ones_start_fresh()
 }
 
 #[test]
-fn resetting_rf_replaces_it_and_leaves_the_rest() {
+fn resetting_radio_replaces_it_and_leaves_the_rest() {
     let start = wall(200, 3, 1);
     let mut d = CpuDevice::new(metric_rates(), RasterConfig::default(), &start).unwrap();
     d.upload(&training_view(3, 4), 1).unwrap();
     d.train(&[step(0); 3]).unwrap();
     let before = d.gaussians().unwrap();
-    d.reset_rf(&start.rf).unwrap();
+    d.reset_radio(&start.radio).unwrap();
     let after = d.gaussians().unwrap();
-    assert_eq!(after.rf, start.rf);
-    assert_eq!((after.position, after.optical), (before.position, before.optical));
+    assert_eq!(after.radio, start.radio);
+    assert_eq!((after.position, after.light), (before.position, before.light));
 }
 
 #[test]
@@ -390,8 +393,8 @@ fn hopeless_gaussians_do_no_harm() {
     let mut d = device(&g);
     d.upload(&TrainingView { world_from_camera: Rigid3::IDENTITY, ..training_view(3, 4) }, 1).unwrap();
     let report = d.train(&[step(0); 3]).unwrap();
-    assert!(report.optical_loss.is_finite() && report.rf_loss.is_finite());
-    let layer = d.render(&optical([0.0; 3])).unwrap().optical.unwrap();
+    assert!(report.light_loss.is_finite() && report.radio_loss.is_finite());
+    let layer = d.render(&light([0.0; 3])).unwrap().light.unwrap();
     assert!(layer.color.pixels.iter().all(|v| v.is_finite()));
     assert!(d.gaussians().unwrap().position[0].iter().all(|v| v.is_finite()));
 }
@@ -421,7 +424,7 @@ fn bad_input_is_named() {
     assert!(message(d.upload(&training_view(1, 4), 1).unwrap_err()).contains("rf"));
     assert!(message(d.upload(&training_view(3, 4), 9).unwrap_err()).contains("level"));
     let mut broken = training_view(3, 4);
-    broken.optical.pixels[(2 * 37 + 5) * 3] = f32::NAN;
+    broken.light.pixels[(2 * 37 + 5) * 3] = f32::NAN;
     assert!(message(d.upload(&broken, 1).unwrap_err()).contains("(5, 2)"));
     let narrow = TrainingView { mask: Some(Raster::filled(36, 29, true)), ..training_view(3, 4) };
     assert!(message(d.upload(&narrow, 1).unwrap_err()).contains("mask: 36x29 pixels"));

@@ -15,8 +15,8 @@ use glam::DVec3;
 fn optimizer() -> OptimizerConfig {
     let mut config =
         OptimizerConfig { log_scale_rate: 0.005, rotation_rate: 0.001, beta1: 0.9, beta2: 0.999, ..Default::default() };
-    (config.optical.sh_dc, config.optical.sh_rest_divisor, config.optical.opacity) = (2.5e-3, 20.0, 0.05);
-    (config.rf.sh_dc, config.rf.sh_rest_divisor, config.rf.opacity) = (2e-3, 10.0, 0.03);
+    (config.light.sh_dc, config.light.sh_rest_divisor, config.light.opacity) = (2.5e-3, 20.0, 0.05);
+    (config.radio.sh_dc, config.radio.sh_rest_divisor, config.radio.opacity) = (2e-3, 10.0, 0.03);
     config
 }
 
@@ -70,7 +70,7 @@ fn cloud(n: usize) -> Gaussians {
         g.position.push(p.map(|v| (v / length) as f32));
         g.rotation.push([0; 4].map(|_| rng.normal() as f32));
         g.log_scale.push([0; 3].map(|_| -2.5 + rng.uniform()));
-        for a in [&mut g.optical, &mut g.rf] {
+        for a in [&mut g.light, &mut g.radio] {
             a.opacity_logit.push(logit(0.1 + 0.8 * rng.uniform()));
             let stride = a.stride();
             a.sh.extend((0..stride).map(|_| (rng.uniform() - 0.5) * 0.3));
@@ -82,7 +82,7 @@ fn cloud(n: usize) -> Gaussians {
 fn view(k: usize) -> TrainingView {
     let mut rng = Rng::keyed(6, k as u64, 0);
     let forward = DVec3::new([1.0, -1.0][k], 0.2, 0.1);
-    let (optical_camera, rf_camera) = (Pinhole::from_horizontal_fov(43, 31, 80.0), Pinhole::from_horizontal_fov(24, 17, 90.0));
+    let (light_camera, radio_camera) = (Pinhole::from_horizontal_fov(43, 31, 80.0), Pinhole::from_horizontal_fov(24, 17, 90.0));
     let mut noise = |camera: &Pinhole| Planes {
         width: camera.width,
         height: camera.height,
@@ -91,10 +91,10 @@ fn view(k: usize) -> TrainingView {
     };
     TrainingView {
         world_from_camera: Rigid3::looking_at(DVec3::ZERO, forward, DVec3::Z),
-        optical: noise(&optical_camera),
-        rf: noise(&rf_camera),
-        optical_camera,
-        rf_camera,
+        light: noise(&light_camera),
+        radio: noise(&radio_camera),
+        light_camera,
+        radio_camera,
         inverse_depth: None,
         mask: None,
     }
@@ -104,12 +104,12 @@ fn step(k: usize, weights: [f32; 2], train_geometry: bool) -> Step {
     Step {
         view: ViewId(k),
         levels: [0; 2],
-        optical_weight: weights[0],
-        rf_weight: weights[1],
+        light_weight: weights[0],
+        radio_weight: weights[1],
         depth_weight: 0.0,
         train_geometry,
-        optical_background: [0.0; 3],
-        rf_background: [0.0, 0.0, 0.5],
+        light_background: [0.0; 3],
+        radio_background: [0.0, 0.0, 0.5],
     }
 }
 
@@ -124,18 +124,18 @@ fn classes(g: &Gaussians) -> [(&'static str, &[f32]); 7] {
         ("position", g.position.as_flattened()),
         ("rotation", g.rotation.as_flattened()),
         ("log scale", g.log_scale.as_flattened()),
-        ("optical opacity", &g.optical.opacity_logit),
-        ("RF opacity", &g.rf.opacity_logit),
-        ("optical sh", &g.optical.sh),
-        ("RF sh", &g.rf.sh),
+        ("optical opacity", &g.light.opacity_logit),
+        ("RF opacity", &g.radio.opacity_logit),
+        ("optical sh", &g.light.sh),
+        ("RF sh", &g.radio.sh),
     ]
 }
 
 /// Learning rate and learnt bands of parameter `i` of a class; `None` where the step does not touch it.
 fn rate(class: usize, i: usize, dense: &DenseStep) -> Option<f64> {
     let (config, step) = (optimizer(), &dense.step);
-    let (g, rates) = if class == 3 || class == 5 { (0, config.optical) } else { (1, config.rf) };
-    let rendered = [step.optical_weight > 0.0, step.rf_weight > 0.0][g];
+    let (g, rates) = if class == 3 || class == 5 { (0, config.light) } else { (1, config.radio) };
+    let rendered = [step.light_weight > 0.0, step.radio_weight > 0.0][g];
     let rate = match class {
         0..=2 if !step.train_geometry => return None,
         0 => dense.position_rate_m,
@@ -210,7 +210,7 @@ fn a_dense_step_is_adam_with_bias_correction_of_seen_and_unseen_alike() {
 }
 
 #[test]
-fn a_frozen_geometry_stays_and_rf_alone_is_learnt() {
+fn a_frozen_geometry_stays_and_radio_alone_is_learnt() {
     for mut device in devices(&cloud(300)) {
         for number in 1..=3 {
             let dense =
@@ -273,7 +273,7 @@ fn copies_have_their_sources_colours_and_no_moments() {
     for mut device in devices(&cloud(n)) {
         device.train_dense(&[dense(0, 1), dense(1, 2)]).unwrap();
         let before = device.state().unwrap();
-        assert!(before.moments[1].optical.sh.iter().any(|v| *v != 0.0));
+        assert!(before.moments[1].light.sh.iter().any(|v| *v != 0.0));
         let duplicates = [
             Duplicate { source: 17, offset: [0.0; 3], shrink: 1.0 },
             Duplicate { source: 250, offset: [0.5, -1.0, 0.25], shrink: 1.6 },
@@ -285,8 +285,8 @@ fn copies_have_their_sources_colours_and_no_moments() {
         for (k, d) in duplicates.iter().enumerate() {
             let (i, from) = (n + k, d.source as usize);
             let (old, new) = (&before.gaussians, &after.gaussians);
-            assert_eq!((new.rotation[i], new.optical.opacity_logit[i]), (old.rotation[from], old.optical.opacity_logit[from]));
-            for (old, new) in [(&old.optical, &new.optical), (&old.rf, &new.rf)] {
+            assert_eq!((new.rotation[i], new.light.opacity_logit[i]), (old.rotation[from], old.light.opacity_logit[from]));
+            for (old, new) in [(&old.light, &new.light), (&old.radio, &new.radio)] {
                 let s = old.stride();
                 assert_eq!(new.sh[i * s..(i + 1) * s], old.sh[from * s..(from + 1) * s]);
             }
@@ -323,17 +323,17 @@ fn an_opacity_reset_caps_light_alone_and_forgets_its_moments() {
     for mut device in devices(&cloud(200)) {
         device.train_dense(&[dense(0, 1), dense(1, 2)]).unwrap();
         let before = device.state().unwrap();
-        device.cap_opacity(Modality::Optical, 0.3).unwrap();
+        device.cap_opacity(Modality::Light, 0.3).unwrap();
         let mut after = device.state().unwrap();
-        for (new, old) in after.gaussians.optical.opacity_logit.iter().zip(&before.gaussians.optical.opacity_logit) {
+        for (new, old) in after.gaussians.light.opacity_logit.iter().zip(&before.gaussians.light.opacity_logit) {
             assert!((sigmoid(*new) - sigmoid(*old).min(0.3)).abs() < 1e-6 && (*old > logit(0.3) || new == old));
         }
-        assert!(before.gaussians.optical.opacity_logit.iter().any(|l| *l > logit(0.3)));
+        assert!(before.gaussians.light.opacity_logit.iter().any(|l| *l > logit(0.3)));
         for k in 0..2 {
-            assert!(after.moments[k].optical.opacity_logit.iter().all(|m| *m == 0.0));
-            after.moments[k].optical.opacity_logit.clone_from(&before.moments[k].optical.opacity_logit);
+            assert!(after.moments[k].light.opacity_logit.iter().all(|m| *m == 0.0));
+            after.moments[k].light.opacity_logit.clone_from(&before.moments[k].light.opacity_logit);
         }
-        after.gaussians.optical.opacity_logit.clone_from(&before.gaussians.optical.opacity_logit);
+        after.gaussians.light.opacity_logit.clone_from(&before.gaussians.light.opacity_logit);
         assert!(after == before, "all else is as it was");
     }
 }

@@ -27,8 +27,8 @@ const IMAGE_TOLERANCE: f64 = 3e-6;
 /// Gradients, relative to the largest of their class: sums of some hundred f32 products; 2e-6 is what is seen.
 const GRADIENT_TOLERANCE: f64 = 2e-5;
 
-const OPTICAL_BACKGROUND: [f32; 3] = [0.9, 0.2, 0.4];
-const RF_BACKGROUND: [f32; 3] = [0.1, 0.3, 0.6];
+const LIGHT_BACKGROUND: [f32; 3] = [0.9, 0.2, 0.4];
+const RADIO_BACKGROUND: [f32; 3] = [0.1, 0.3, 0.6];
 
 fn appearance(rng: &mut Rng, n: usize, channels: usize, degree: usize) -> Appearance {
     let mut a = Appearance::empty(channels, degree);
@@ -43,9 +43,9 @@ fn appearance(rng: &mut Rng, n: usize, channels: usize, degree: usize) -> Appear
     a
 }
 
-fn random_field(seed: u64, n: usize, rf_channels: usize, degree: usize) -> Gaussians {
+fn random_field(seed: u64, n: usize, radio_channels: usize, degree: usize) -> Gaussians {
     let mut rng = Rng::keyed(seed, 0, 0);
-    let mut g = Gaussians::empty(rf_channels, degree);
+    let mut g = Gaussians::empty(radio_channels, degree);
     for _ in 0..n {
         let z = 2.0 + rng.uniform() * 3.0;
         // Some centres lie outside the images, where J is clamped.
@@ -53,8 +53,8 @@ fn random_field(seed: u64, n: usize, rf_channels: usize, degree: usize) -> Gauss
         g.rotation.push([0; 4].map(|_| rng.normal() as f32));
         g.log_scale.push([0; 3].map(|_| -2.6 + rng.uniform() * 2.0));
     }
-    g.optical = appearance(&mut rng, n, 3, degree);
-    g.rf = appearance(&mut rng, n, rf_channels, degree);
+    g.light = appearance(&mut rng, n, 3, degree);
+    g.radio = appearance(&mut rng, n, radio_channels, degree);
     g
 }
 
@@ -103,14 +103,14 @@ struct Scenario {
     antialias: Antialias,
 }
 
-fn scenario(seed: u64, rf_channels: usize, degree: usize, antialias: Antialias) -> Scenario {
+fn scenario(seed: u64, radio_channels: usize, degree: usize, antialias: Antialias) -> Scenario {
     let mut rng = Rng::keyed(seed, 1, 0);
     let eye = DVec3::new(0.3, -0.2, 0.1);
     let pose = Rigid3::looking_at(eye, DVec3::new(0.1, 0.1, 3.0), DVec3::new(0.2, -1.0, 0.1));
     // Neither a multiple of the tile, and principal points off the middle.
-    let optical_camera = Pinhole { width: 27, height: 18, fx: 14.0, fy: 15.0, cx: 12.2, cy: 9.7 };
-    let rf_camera = Pinhole { width: 17, height: 13, fx: 8.0, fy: 9.0, cx: 9.1, cy: 6.2 };
-    let gaussians = random_field(seed, 24, rf_channels, degree);
+    let light_camera = Pinhole { width: 27, height: 18, fx: 14.0, fy: 15.0, cx: 12.2, cy: 9.7 };
+    let radio_camera = Pinhole { width: 17, height: 13, fx: 8.0, fy: 9.0, cx: 9.1, cy: 6.2 };
+    let gaussians = random_field(seed, 24, radio_channels, degree);
     // The GPU keeps depths in half precision: these are numbers of it, so that both devices and the oracle have the same.
     let half = |v: f32| (1024.0 * v).round() / 1024.0;
     let inverse_depth = InverseDepth {
@@ -120,22 +120,22 @@ fn scenario(seed: u64, rf_channels: usize, degree: usize, antialias: Antialias) 
     };
     let view = TrainingView {
         world_from_camera: pose,
-        optical: noise(&mut rng, 27, 18, 3),
-        optical_camera,
-        rf: noise(&mut rng, 17, 13, rf_channels),
-        rf_camera,
+        light: noise(&mut rng, 27, 18, 3),
+        light_camera,
+        radio: noise(&mut rng, 17, 13, radio_channels),
+        radio_camera,
         inverse_depth: Some(inverse_depth),
         mask: None,
     };
     let step = Step {
         view: ViewId(0),
         levels: [0; 2],
-        optical_weight: 1.0,
-        rf_weight: 0.7,
+        light_weight: 1.0,
+        radio_weight: 0.7,
         depth_weight: 0.6,
         train_geometry: true,
-        optical_background: OPTICAL_BACKGROUND,
-        rf_background: RF_BACKGROUND,
+        light_background: LIGHT_BACKGROUND,
+        radio_background: RADIO_BACKGROUND,
     };
     Scenario { gaussians, view, step, antialias }
 }
@@ -156,13 +156,13 @@ impl Scenario {
 
     /// The scenario with a mask that leaves out a block at the border and scattered pixels.
     fn masked(mut self) -> Self {
-        let (w, h) = (self.view.optical.width, self.view.optical.height);
+        let (w, h) = (self.view.light.width, self.view.light.height);
         self.view.mask = Some(Raster::from_fn(w, h, |x, y| (x < 18 || y < 9) && (5 * x + 3 * y) % 11 != 0));
         self
     }
 
     fn render(&self, field: &Field, g: usize, rho: Option<&[f64]>) -> reference::Image {
-        let (camera, background) = [(self.view.optical_camera, OPTICAL_BACKGROUND), (self.view.rf_camera, RF_BACKGROUND)][g];
+        let (camera, background) = [(self.view.light_camera, LIGHT_BACKGROUND), (self.view.radio_camera, RADIO_BACKGROUND)][g];
         let near = f64::from(RasterConfig::default().near_m);
         reference::render(field, g, &self.view.world_from_camera, &camera, background.map(f64::from), self.antialias, near, rho)
     }
@@ -170,21 +170,21 @@ impl Scenario {
     /// The complete loss; antialias factors are held if given.
     fn loss(&self, field: &Field, rho: Option<&[Vec<f64>; 2]>) -> f64 {
         let mut loss = 0.0;
-        if self.step.optical_weight > 0.0 {
+        if self.step.light_weight > 0.0 {
             let mut image = self.render(field, 0, rho.map(|r| &r[0][..]));
             let mut depth = self.view.inverse_depth.clone().unwrap();
             let mask = self.view.mask.iter().flat_map(|m| m.pixels().iter().enumerate());
             for (i, _) in mask.filter(|(_, counts)| !**counts) {
-                let target = &self.view.optical.pixels[3 * i..3 * i + 3];
+                let target = &self.view.light.pixels[3 * i..3 * i + 3];
                 image.color[3 * i..3 * i + 3].iter_mut().zip(target).for_each(|(x, y)| *x = f64::from(*y));
                 depth.confidence.pixels_mut()[i] = 0.0;
             }
-            loss += f64::from(self.step.optical_weight) * reference::image_loss(&image, &self.view.optical);
+            loss += f64::from(self.step.light_weight) * reference::image_loss(&image, &self.view.light);
             loss += f64::from(self.step.depth_weight) * reference::depth_loss(&image, &depth.value, &depth.confidence);
         }
-        if self.step.rf_weight > 0.0 {
+        if self.step.radio_weight > 0.0 {
             let image = self.render(field, 1, rho.map(|r| &r[1][..]));
-            loss += f64::from(self.step.rf_weight) * reference::image_loss(&image, &self.view.rf);
+            loss += f64::from(self.step.radio_weight) * reference::image_loss(&image, &self.view.radio);
         }
         loss
     }
@@ -200,7 +200,7 @@ impl Scenario {
     fn check_screen_gradients(&self, name: &str) {
         let field = Field::new(&self.gaussians);
         self.assert_far_from_thresholds(&field);
-        let camera = if self.step.rf_weight > 0.0 { self.view.rf_camera } else { self.view.optical_camera };
+        let camera = if self.step.radio_weight > 0.0 { self.view.radio_camera } else { self.view.light_camera };
         let norms: Vec<f64> = (0..field.len())
             .into_par_iter()
             .map(|i| {
@@ -243,8 +243,8 @@ impl Scenario {
             .map(|(device, mut d)| {
                 let (report, gradient) = d.differentiate(&self.step).unwrap();
                 let total = f64::from(
-                    self.step.optical_weight * report.optical_loss
-                        + self.step.rf_weight * report.rf_loss
+                    self.step.light_weight * report.light_loss
+                        + self.step.radio_weight * report.radio_loss
                         + self.step.depth_weight * report.depth_loss,
                 );
                 assert!((total - truth).abs() < 1e-5, "{name} on {device}: loss {total} against {truth}");
@@ -268,8 +268,8 @@ impl Scenario {
                 .collect();
             let largest = numeric.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
             let rendered = match class {
-                3 | 5 => self.step.optical_weight > 0.0,
-                4 | 6 => self.step.rf_weight > 0.0,
+                3 | 5 => self.step.light_weight > 0.0,
+                4 | 6 => self.step.radio_weight > 0.0,
                 _ => true,
             };
             assert_eq!(largest > 1e-5, rendered, "{name}: {} has gradients up to {largest:.1e}", CLASS_NAMES[class]);
@@ -299,19 +299,19 @@ const NEEDLE_SEED: u64 = 1;
 
 #[test]
 fn images_agree_with_the_oracle() {
-    for (rf_channels, antialias) in [(3, Antialias::On), (1, Antialias::Off)] {
-        let s = scenario(SEEDS[0], rf_channels, 3, antialias);
+    for (radio_channels, antialias) in [(3, Antialias::On), (1, Antialias::Off)] {
+        let s = scenario(SEEDS[0], radio_channels, 3, antialias);
         let field = Field::new(&s.gaussians);
         s.assert_far_from_thresholds(&field);
         let view = |camera| View { camera, world_from_camera: s.view.world_from_camera };
         let request = RenderRequest {
-            optical: Some((view(s.view.optical_camera), OPTICAL_BACKGROUND)),
-            rf: Some((view(s.view.rf_camera), RF_BACKGROUND)),
+            light: Some((view(s.view.light_camera), LIGHT_BACKGROUND)),
+            radio: Some((view(s.view.radio_camera), RADIO_BACKGROUND)),
             main_contributor: true,
         };
         for (device, mut d) in s.devices() {
             let rendering = d.render(&request).unwrap();
-            for (g, layer) in [rendering.optical.unwrap(), rendering.rf.unwrap()].iter().enumerate() {
+            for (g, layer) in [rendering.light.unwrap(), rendering.radio.unwrap()].iter().enumerate() {
                 let truth = s.render(&field, g, None);
                 let compare = |what: &str, ours: &[f32], truth: &[f64]| {
                     assert_eq!(ours.len(), truth.len());
@@ -341,7 +341,7 @@ fn gradients_of_both_modalities_with_depth_and_antialiasing() {
 fn gradients_of_needles() {
     let mut s = scenario(NEEDLE_SEED, 3, 1, Antialias::On);
     s.gaussians.log_scale.iter_mut().for_each(|s| *s = [s[0] + 1.0, s[1] - 3.0, s[2] - 3.0]);
-    for a in [&mut s.gaussians.optical, &mut s.gaussians.rf] {
+    for a in [&mut s.gaussians.light, &mut s.gaussians.radio] {
         a.opacity_logit.iter_mut().for_each(|o| *o += 2.0);
     }
     s.check("needles");
@@ -361,7 +361,7 @@ fn gradients_without_antialiasing() {
 fn gradients_where_pixels_do_not_count() {
     scenario(SEEDS[0], 3, 1, Antialias::On).masked().check("coupled, Jet, masked");
     let mut s = scenario(SEEDS[1], 1, 2, Antialias::Off).masked();
-    s.step.rf_weight = 0.0;
+    s.step.radio_weight = 0.0;
     s.check("optical alone, masked");
 }
 
@@ -370,10 +370,10 @@ fn gradients_where_pixels_do_not_count() {
 fn an_image_of_which_nothing_counts_has_no_gradient() {
     let mut s = scenario(SEEDS[0], 3, 1, Antialias::On);
     s.view.mask = Some(Raster::filled(27, 18, false));
-    s.step.rf_weight = 0.0;
+    s.step.radio_weight = 0.0;
     for (device, mut d) in s.devices() {
         let (report, gradient) = d.differentiate(&s.step).unwrap();
-        assert!(report.optical_loss.abs() < 1e-6 && report.depth_loss == 0.0, "{device}: {report:?}");
+        assert!(report.light_loss.abs() < 1e-6 && report.depth_loss == 0.0, "{device}: {report:?}");
         assert!(report.visible > 10);
         for (name, class) in CLASS_NAMES.iter().zip(&Field::new(&gradient).classes) {
             assert!(class.iter().all(|v| *v == 0.0), "{name} on {device}: {class:?}");
@@ -384,10 +384,10 @@ fn an_image_of_which_nothing_counts_has_no_gradient() {
 #[test]
 fn gradients_of_one_modality_alone() {
     let mut s = scenario(SEEDS[1], 3, 0, Antialias::On);
-    s.step.rf_weight = 0.0;
+    s.step.radio_weight = 0.0;
     s.check("optical alone");
-    s.step.rf_weight = 0.7;
-    s.step.optical_weight = 0.0;
+    s.step.radio_weight = 0.7;
+    s.step.light_weight = 0.0;
     s.step.depth_weight = 0.0;
     s.check("RF alone");
 }
@@ -395,8 +395,8 @@ fn gradients_of_one_modality_alone() {
 #[test]
 fn screen_gradients_are_those_of_the_projected_means() {
     let mut s = scenario(SEEDS[1], 3, 1, Antialias::Off);
-    (s.step.rf_weight, s.step.depth_weight) = (0.0, 0.0);
+    (s.step.radio_weight, s.step.depth_weight) = (0.0, 0.0);
     s.check_screen_gradients("light");
-    (s.step.rf_weight, s.step.optical_weight) = (0.7, 0.0);
+    (s.step.radio_weight, s.step.light_weight) = (0.7, 0.0);
     s.check_screen_gradients("RF");
 }

@@ -31,7 +31,7 @@ fn radio(c: &mut Criterion) {
     else {
         return println!("the transmitter is not valid");
     };
-    let camera = config.rf_camera();
+    let camera = config.radio_camera();
 
     let mut group = c.benchmark_group("radio");
     group.sample_size(10);
@@ -75,7 +75,7 @@ fn radio(c: &mut Criterion) {
     ];
     let port_pairs: Vec<Vec<Vec<Arrival>>> = arrivals.into_iter().map(|a| vec![a]).collect();
     for (name, kind) in beams {
-        let settings = SpectrumSettings { kind, ..SpectrumSettings::new(&config.rf, &scene_config.receiver, config.seed) };
+        let settings = SpectrumSettings { kind, ..SpectrumSettings::new(&config.radio, &scene_config.receiver, config.seed) };
         group.bench_function(format!("{name} spectrum"), |b| {
             b.iter(|| {
                 poses.iter().zip(&port_pairs).for_each(|(p, l)| drop(black_box(settings.form(l, &camera, &p.world_from_camera))));

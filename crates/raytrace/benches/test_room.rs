@@ -1,11 +1,11 @@
 //! A furnished room built by rule, for timing and looking: textured floor, ceiling panels, pillars, spheres, glass, a metal desk.
 
-use corf_scene::model::{Filter, Material, Object, OpticalMaterial, Texture, TextureRef, Triangle, Wrap};
+use corf_scene::model::{Filter, LightMaterial, Material, Object, Texture, TextureRef, Triangle, Wrap};
 use corf_scene::{Raster, Rng, Scene};
 use glam::{Affine2, Vec3};
 
-fn material(scene: &mut Scene, name: &str, optical: OpticalMaterial) -> u32 {
-    scene.materials.push(Material { name: name.into(), optical, radio: None });
+fn material(scene: &mut Scene, name: &str, light: LightMaterial) -> u32 {
+    scene.materials.push(Material { name: name.into(), light, radio: None });
     scene.materials.len() as u32 - 1
 }
 
@@ -67,28 +67,25 @@ pub fn test_room() -> Scene {
         [c, c, (f32::from(c) * 0.9) as u8, 255]
     });
     scene.textures.push(Texture { name: "tiles".into(), texels: tiles, wrap: [Wrap::Repeat; 2], filter: Filter::Linear });
-    let d = OpticalMaterial::default;
+    let d = LightMaterial::default;
     let texture = Some(TextureRef { texture: 0, uv_from_uv: Affine2::IDENTITY });
     let floor = material(
         &mut scene,
         "floor",
-        OpticalMaterial { base_color: [1.0; 3], base_color_texture: texture, roughness: 0.35, ..d() },
+        LightMaterial { base_color: [1.0; 3], base_color_texture: texture, roughness: 0.35, ..d() },
     );
-    let wall = material(&mut scene, "wall", OpticalMaterial { base_color: [0.75, 0.73, 0.7], roughness: 0.9, ..d() });
+    let wall = material(&mut scene, "wall", LightMaterial { base_color: [0.75, 0.73, 0.7], roughness: 0.9, ..d() });
     let panel = material(
         &mut scene,
         "panel",
-        OpticalMaterial { base_color: [0.8; 3], emissive: [9.0, 8.6, 8.0], double_sided: false, ..d() },
+        LightMaterial { base_color: [0.8; 3], emissive: [9.0, 8.6, 8.0], double_sided: false, ..d() },
     );
-    let wood = material(&mut scene, "wood", OpticalMaterial { base_color: [0.45, 0.27, 0.13], roughness: 0.5, ..d() });
+    let wood = material(&mut scene, "wood", LightMaterial { base_color: [0.45, 0.27, 0.13], roughness: 0.5, ..d() });
     let metal =
-        material(&mut scene, "metal", OpticalMaterial { base_color: [0.9, 0.88, 0.85], metallic: 1.0, roughness: 0.25, ..d() });
-    let glass = material(
-        &mut scene,
-        "glass",
-        OpticalMaterial { base_color: [0.92, 0.97, 0.95], transmission: 1.0, roughness: 0.0, ..d() },
-    );
-    let red = material(&mut scene, "red", OpticalMaterial { base_color: [0.7, 0.1, 0.08], roughness: 0.6, ..d() });
+        material(&mut scene, "metal", LightMaterial { base_color: [0.9, 0.88, 0.85], metallic: 1.0, roughness: 0.25, ..d() });
+    let glass =
+        material(&mut scene, "glass", LightMaterial { base_color: [0.92, 0.97, 0.95], transmission: 1.0, roughness: 0.0, ..d() });
+    let red = material(&mut scene, "red", LightMaterial { base_color: [0.7, 0.1, 0.08], roughness: 0.6, ..d() });
 
     let size = Vec3::new(12.0, 10.0, 3.4);
     let (x, y, z) = (Vec3::X * size.x, Vec3::Y * size.y, Vec3::Z * size.z);

@@ -119,14 +119,14 @@ fn main() -> Result<()> {
     };
     let poses = trajectory::generate_between(loop_config, config.keyframes, config.way)?;
     let camera = match o.size {
-        Some((w, h)) => Pinhole::from_horizontal_fov(w, h, config.rf.horizontal_fov_deg),
-        None => config.rf_camera(),
+        Some((w, h)) => Pinhole::from_horizontal_fov(w, h, config.radio.horizontal_fov_deg),
+        None => config.radio_camera(),
     };
-    let lobe_deg = o.lobe_deg.unwrap_or(config.rf.lobe_width_deg);
+    let lobe_deg = o.lobe_deg.unwrap_or(config.radio.lobe_width_deg);
     let settings = RadioSettings {
         frequency_hz: scene_config.radio.frequency_hz,
-        max_interactions: config.rf.max_interactions,
-        transmission: config.rf.transmission,
+        max_interactions: config.radio.max_interactions,
+        transmission: config.radio.transmission,
         min_face_area_m2: o.min_face_m2.unwrap_or(RadioSettings::default().min_face_area_m2),
         tx_antenna: Antenna::from(&scene_config.transmitter),
         rx_antenna: Antenna {
@@ -136,7 +136,7 @@ fn main() -> Result<()> {
         },
         ..RadioSettings::default()
     };
-    let diffuse = DiffuseSettings { patch_size_m: o.patch_m.unwrap_or(config.rf.patch_size_m), ..o.diffuse };
+    let diffuse = DiffuseSettings { patch_size_m: o.patch_m.unwrap_or(config.radio.patch_size_m), ..o.diffuse };
     let tx: DVec3 = scene_config.transmitter.position();
 
     let clock = Instant::now();
@@ -158,7 +158,7 @@ fn main() -> Result<()> {
     let spectrum_settings = SpectrumSettings {
         kind: o.kind,
         lobe_width_deg: lobe_deg,
-        ..SpectrumSettings::new(&config.rf, &scene_config.receiver, config.seed)
+        ..SpectrumSettings::new(&config.radio, &scene_config.receiver, config.seed)
     };
     let form = |arrivals: &[Arrival], pose: &Rigid3| spectrum_settings.form(&[arrivals.to_vec()], &camera, pose);
     let chosen: Vec<_> = poses.iter().step_by(o.every).collect();
@@ -212,7 +212,7 @@ fn main() -> Result<()> {
     );
     let peak = frames.iter().flat_map(|f| f.2.pixels()).fold(0f32, |m, v| m.max(*v));
     let max_db = (10.0 * f64::from(peak).log10()).ceil();
-    let range = DbRange { min_db: max_db - o.range_db.unwrap_or(config.rf.dynamic_range_db), max_db };
+    let range = DbRange { min_db: max_db - o.range_db.unwrap_or(config.radio.dynamic_range_db), max_db };
     let mut images = Vec::new();
     for (pose, _, image) in &frames {
         images.push(range.jet_image(image));

@@ -9,7 +9,7 @@
 use corf_raytrace::Bvh;
 use corf_raytrace::radio::RadioTracer;
 use corf_raytrace::sensor::{Extent, RadioSensor, SensorPlan};
-use corf_scene::config::{RfConfig, SceneConfig, SpectrumKind, from_toml};
+use corf_scene::config::{SceneConfig, SpectrumConfig, SpectrumKind, from_toml};
 use corf_scene::{Pinhole, Result, Rigid3};
 use glam::DVec3;
 
@@ -18,8 +18,9 @@ fn main() -> Result<()> {
     let config = SceneConfig::load(&path)?;
     let (scene, left_out) = config.load_scene()?;
     left_out.iter().for_each(|finding| eprintln!("{finding}"));
-    let rf = RfConfig { spectrum: SpectrumKind::Bartlett, diffuse: false, ..from_toml("width = 96\nheight = 64", "example")? };
-    let plan = SensorPlan::from_parts(&rf, 1, &config.transmitter, &config);
+    let radio =
+        SpectrumConfig { spectrum: SpectrumKind::Bartlett, diffuse: false, ..from_toml("width = 96\nheight = 64", "example")? };
+    let plan = SensorPlan::from_parts(&radio, 1, &config.transmitter, &config);
     let bvh = Bvh::build(&scene);
     let tracer = RadioTracer::new(&scene, &bvh, plan.tracing)?;
 
@@ -31,7 +32,7 @@ fn main() -> Result<()> {
     }
 
     let sensor = RadioSensor::new(&plan, &scene, &tracer)?;
-    let camera = Pinhole::from_horizontal_fov(rf.width, rf.height, 90.0);
+    let camera = Pinhole::from_horizontal_fov(radio.width, radio.height, 90.0);
     let pose = Rigid3::looking_at(rx, tx, DVec3::Z);
     let received = sensor.receive(&pose, Extent::View(camera))?;
     let spectrum = sensor.settings().form(&received.port_pairs, &camera, &pose);

@@ -6,7 +6,7 @@ use corf_raytrace::radio::channel::{ArrayLink, LinkStatistics, Subcarriers, freq
 use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
 use corf_raytrace::radio::{Antenna, AntennaArray, PlanarArray, Polarization, RadioSettings, RadioTracer, SPEED_OF_LIGHT};
 use corf_scene::Scene;
-use corf_scene::model::{Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Triangle};
+use corf_scene::model::{LightMaterial, Material, Object, Permittivity, RadioMaterial, Triangle};
 use corf_scene::npz::{Array, Values};
 use glam::{DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
@@ -24,7 +24,7 @@ fn ground() -> Scene {
     Scene {
         name: "ground".into(),
         objects: vec![Object { name: "ground".into() }],
-        materials: vec![Material { name: "mirror".into(), optical: OpticalMaterial::default(), radio: Some(radio) }],
+        materials: vec![Material { name: "mirror".into(), light: LightMaterial::default(), radio: Some(radio) }],
         positions: vec![Vec3::new(-99.0, -99.0, 0.0), Vec3::new(99.0, -99.0, 0.0), Vec3::new(0.0, 99.0, 0.0)],
         normals: vec![Vec3::Z; 3],
         uvs: vec![[0.0; 2]; 3],

@@ -4,7 +4,7 @@
 
 use corf_raytrace::Bvh;
 use corf_raytrace::radio::{Antenna, Complex, DiffractionModel, Path, Polarization, RadioSettings, RadioTracer, Search};
-use corf_scene::model::{Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, Scene, Triangle};
+use corf_scene::model::{LightMaterial, Material, Object, Permittivity, RadioMaterial, Scattering, Scene, Triangle};
 use glam::{DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
@@ -18,7 +18,7 @@ fn slab(name: &str, relative_permittivity: f64, conductivity_s_per_m: f64) -> Ma
         thickness_m: 0.1,
         scattering: Scattering::default(),
     };
-    Material { name: name.into(), optical: OpticalMaterial::default(), radio: Some(radio) }
+    Material { name: name.into(), light: LightMaterial::default(), radio: Some(radio) }
 }
 
 fn conductor() -> Material {

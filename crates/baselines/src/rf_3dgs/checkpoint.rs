@@ -24,7 +24,8 @@ struct Header {
     meta: FieldMeta,
     keyframes: usize,
     steps: usize,
-    rf_begun: bool,
+    #[serde(rename = "rf_begun")]
+    radio_begun: bool,
     counts: [usize; 3],
     times: Rf3dgsTimes,
     gaussians: usize,
@@ -108,7 +109,7 @@ impl Rf3dgsReconstructor {
             meta: self.meta,
             keyframes: self.poses.len(),
             steps: self.done,
-            rf_begun: self.rf_begun,
+            radio_begun: self.radio_begun,
             counts: [self.counts.cloned, self.counts.split, self.counts.pruned],
             times: self.times,
             gaussians: device.gaussians.len(),
@@ -143,7 +144,7 @@ impl Rf3dgsReconstructor {
         self.points = checkpoint.points.as_chunks().0.iter().map(point).collect();
         let [cloned, split, pruned] = h.counts;
         self.counts = DensityCounts { cloned, split, pruned };
-        (self.done, self.rf_begun, self.times) = (h.steps, h.rf_begun, h.times);
+        (self.done, self.radio_begun, self.times) = (h.steps, h.radio_begun, h.times);
         Ok(())
     }
 }

@@ -3,7 +3,7 @@
 
 use super::density::DensityConfig;
 use corf::{
-    Antialias, Appearance, AppearanceRates, Error, Gaussians, IdleKey, OptimizerConfig, RasterConfig, Result, target::RfTarget,
+    Antialias, Appearance, AppearanceRates, Error, Gaussians, IdleKey, OptimizerConfig, RasterConfig, Result, target::RadioTarget,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -23,7 +23,7 @@ pub enum InitialPoints {
 /// Adam's moments of opacity and colour at the start of the RF stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum RfMoments {
+pub enum RadioMoments {
     /// Those of the optical stage, and its step counter: what restoring a checkpoint with its optimiser does.
     Restored,
     /// Zero, and a counter that begins anew.
@@ -33,7 +33,7 @@ pub enum RfMoments {
 /// Colour behind the RF field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum RfBackground {
+pub enum RadioBackground {
     /// Black, which is no colour of the Jet scale.
     Black,
     /// The colour of a direction without power, Jet(0).
@@ -82,9 +82,11 @@ impl Default for Rf3dgsRates {
 #[serde(deny_unknown_fields, default)]
 pub struct Rf3dgsConfig {
     /// Steps of the optical stage (30 000).
-    pub optical_steps: usize,
+    #[serde(rename = "optical_steps")]
+    pub light_steps: usize,
     /// Steps of the RF stage, on frozen geometry (10 000).
-    pub rf_steps: usize,
+    #[serde(rename = "rf_steps")]
+    pub radio_steps: usize,
     /// Degree of both modalities' spherical harmonics, 0–3 (3).
     pub sh_degree: usize,
     /// One more degree is learnt in the optical stage after every so many steps (1000); in the RF stage all are from the start.
@@ -103,9 +105,11 @@ pub struct Rf3dgsConfig {
     /// Gaussians nearer than this to the image plane are not drawn, metres (0.2).
     pub near_m: f32,
     /// Adam's moments at the start of the RF stage; set by the method's name.
-    pub rf_moments: RfMoments,
+    #[serde(rename = "rf_moments")]
+    pub radio_moments: RadioMoments,
     /// Colour behind the RF field; set by the method's name.
-    pub rf_background: RfBackground,
+    #[serde(rename = "rf_background")]
+    pub radio_background: RadioBackground,
     /// Learning rates.
     pub rates: Rf3dgsRates,
     /// Adaptive density control in the optical stage.
@@ -115,8 +119,8 @@ pub struct Rf3dgsConfig {
 impl Default for Rf3dgsConfig {
     fn default() -> Self {
         Self {
-            optical_steps: 30_000,
-            rf_steps: 10_000,
+            light_steps: 30_000,
+            radio_steps: 10_000,
             sh_degree: 3,
             degree_interval: 1000,
             initial_points: InitialPoints::Triangulated,
@@ -125,8 +129,8 @@ impl Default for Rf3dgsConfig {
             random_extent: 3.0,
             initial_opacity: 0.1,
             near_m: 0.2,
-            rf_moments: RfMoments::Restored,
-            rf_background: RfBackground::Black,
+            radio_moments: RadioMoments::Restored,
+            radio_background: RadioBackground::Black,
             rates: Rf3dgsRates::default(),
             density: DensityConfig::default(),
         }
@@ -135,7 +139,7 @@ impl Default for Rf3dgsConfig {
 
 impl Rf3dgsConfig {
     /// The encoding of the spectra it learns: the published method's Jet images.
-    pub const RF_TARGET: RfTarget = RfTarget::Jet;
+    pub const RADIO_TARGET: RadioTarget = RadioTarget::Jet;
 
     /// Most steps of a stage.
     const MOST_STEPS: usize = 100_000_000;
@@ -150,8 +154,8 @@ impl Rf3dgsConfig {
         let positive = |x: f32| (1e-12..=1e6).contains(&x);
         let r = &self.rates;
         let checks = [
-            ("optical_steps", steps(self.optical_steps) && self.optical_steps > 0, "1 to 100 000 000 (30 000)"),
-            ("rf_steps", steps(self.rf_steps), "0 to 100 000 000 (10 000)"),
+            ("optical_steps", steps(self.light_steps) && self.light_steps > 0, "1 to 100 000 000 (30 000)"),
+            ("rf_steps", steps(self.radio_steps), "0 to 100 000 000 (10 000)"),
             ("sh_degree", self.sh_degree <= 3, "0 to 3"),
             ("degree_interval", self.degree_interval > 0, "at least 1 (1000)"),
             ("random_points", (16..=100_000_000).contains(&self.random_points), "16 to 100 000 000 (100 000)"),
@@ -172,9 +176,9 @@ impl Rf3dgsConfig {
     /// Keys that mean nothing beside the others of this configuration.
     pub fn idle_keys(&self) -> Vec<IdleKey> {
         const RANDOM: &str = "it counts with initial_points = \"random\" alone";
-        const OPTICAL: &str = "it is of the optical stage, which initial_gaussians take the place of";
+        const LIGHT: &str = "it is of the optical stage, which initial_gaussians take the place of";
         if self.initial_gaussians.is_some() {
-            let of_optical_stage = [
+            let of_light_stage = [
                 "degree_interval",
                 "initial_points",
                 "random_points",
@@ -186,7 +190,7 @@ impl Rf3dgsConfig {
                 "rates.rotation",
                 "density",
             ];
-            return IdleKey::all(of_optical_stage.map(|key| (key, false, OPTICAL)));
+            return IdleKey::all(of_light_stage.map(|key| (key, false, LIGHT)));
         }
         let is_random = self.initial_points == InitialPoints::Random;
         IdleKey::all([("random_points", is_random, RANDOM), ("random_extent", is_random, RANDOM)])
@@ -206,8 +210,8 @@ impl Rf3dgsConfig {
             position_decay: 0.0,
             log_scale_rate: r.log_scale,
             rotation_rate: r.rotation,
-            optical: appearance,
-            rf: appearance,
+            light: appearance,
+            radio: appearance,
             beta1: 0.9,
             beta2: 0.999,
             epsilon: 1e-15,
@@ -217,22 +221,22 @@ impl Rf3dgsConfig {
 
     /// No Gaussians yet, with the channels and degrees of this configuration: what a device is made with.
     pub fn empty_field(&self) -> Gaussians {
-        let mut field = Gaussians::empty(Self::RF_TARGET.channels(), self.sh_degree);
-        field.rf = Appearance::empty(Self::RF_TARGET.channels(), self.sh_degree);
+        let mut field = Gaussians::empty(Self::RADIO_TARGET.channels(), self.sh_degree);
+        field.radio = Appearance::empty(Self::RADIO_TARGET.channels(), self.sh_degree);
         field
     }
 
     /// The colour behind the RF field.
-    pub fn rf_background_color(&self) -> [f32; 3] {
-        match self.rf_background {
-            RfBackground::Black => [0.0; 3],
-            RfBackground::Floor => Self::RF_TARGET.floor_color(),
+    pub fn radio_background_color(&self) -> [f32; 3] {
+        match self.radio_background {
+            RadioBackground::Black => [0.0; 3],
+            RadioBackground::Floor => Self::RADIO_TARGET.floor_color(),
         }
     }
 
     /// Steps of both stages.
     pub fn total_steps(&self) -> usize {
-        self.optical_steps + self.rf_steps
+        self.light_steps + self.radio_steps
     }
 }
 

@@ -206,7 +206,7 @@ mod tests {
             (ScreenGradient::default(), outline(0.05, 0.5)), // never seen
         ];
         let (gradients, outlines): (Vec<_>, Vec<_>) = cases.into_iter().unzip();
-        let late = decide(&config, &gradients, &outlines, Modality::Optical, EXTENT_M, 3100, 1);
+        let late = decide(&config, &gradients, &outlines, Modality::Light, EXTENT_M, 3100, 1);
         assert_eq!(late.keep, [true, false, true, true, false, false, false, false, false, true]);
         let sources: Vec<u32> = late.copies.iter().map(|c| c.source).collect();
         assert_eq!(sources, [0, 1, 1, 7, 7]);
@@ -214,11 +214,11 @@ mod tests {
         assert_eq!((late.copies[0].offset, late.copies[0].shrink), ([0.0; 3], 1.0));
         assert!(late.copies[1..].iter().all(|c| c.shrink == 1.6 && c.offset.iter().all(|o| *o != 0.0)));
         assert_ne!(late.copies[1].offset, late.copies[2].offset);
-        let early = decide(&config, &gradients, &outlines, Modality::Optical, EXTENT_M, 600, 1);
+        let early = decide(&config, &gradients, &outlines, Modality::Light, EXTENT_M, 600, 1);
         assert_eq!(early.keep, [true, false, true, true, false, false, true, false, false, true]);
         assert_eq!(early.copies.len(), 7, "nothing is too large before the first reset");
         assert_ne!(early.copies[1].offset, late.copies[1].offset, "each time its own");
-        assert_eq!(decide(&config, &gradients, &outlines, Modality::Optical, EXTENT_M, 600, 1), early);
+        assert_eq!(decide(&config, &gradients, &outlines, Modality::Light, EXTENT_M, 600, 1), early);
     }
 
     #[test]
@@ -226,7 +226,7 @@ mod tests {
         let n = 4000;
         let gradients = vec![ScreenGradient { norm_sum: 1.0, steps: 1 }; n];
         let change =
-            decide(&DensityConfig::default(), &gradients, &vec![outline(0.3, 0.5); n], Modality::Optical, EXTENT_M, 600, 3);
+            decide(&DensityConfig::default(), &gradients, &vec![outline(0.3, 0.5); n], Modality::Light, EXTENT_M, 600, 3);
         let all: Vec<f64> = change.copies.iter().flat_map(|c| c.offset).map(f64::from).collect();
         assert_eq!(all.len(), 6 * n);
         let mean = all.iter().sum::<f64>() / all.len() as f64;

@@ -12,7 +12,7 @@ pub(crate) mod points;
 mod schedule;
 
 pub use checkpoint::Rf3dgsCheckpoint;
-pub use config::{InitialPoints, Rf3dgsConfig, Rf3dgsRates, RfBackground, RfMoments};
+pub use config::{InitialPoints, RadioBackground, RadioMoments, Rf3dgsConfig, Rf3dgsRates};
 pub use density::{DensityChange, DensityConfig, DensityCounts, decide};
 pub use points::{LEAST_POINTS, Point, write_ply};
 pub use schedule::Rf3dgsSchedule;
@@ -34,9 +34,11 @@ pub struct Rf3dgsTimes {
     /// Finding the first Gaussians.
     pub points_s: f64,
     /// The optical stage.
-    pub optical_s: f64,
+    #[serde(rename = "optical_s")]
+    pub light_s: f64,
     /// The RF stage.
-    pub rf_s: f64,
+    #[serde(rename = "rf_s")]
+    pub radio_s: f64,
 }
 
 /// A reconstruction at work. Keyframes are [received](Self::receive) first, then it [begins](Self::begin) or is [restored](Self::restore), and
@@ -57,7 +59,7 @@ pub struct Rf3dgsReconstructor {
     /// Steps of both stages taken.
     done: usize,
     /// Whether the RF stage has taken over the geometry.
-    rf_begun: bool,
+    radio_begun: bool,
     counts: DensityCounts,
     times: Rf3dgsTimes,
 }
@@ -71,14 +73,15 @@ impl Rf3dgsReconstructor {
     pub fn new(
         mut device: Box<dyn Device>,
         config: Rf3dgsConfig,
-        optical_camera: Pinhole,
-        rf_camera: Pinhole,
+        light_camera: Pinhole,
+        radio_camera: Pinhole,
         db_range: DbRange,
         seed: u64,
     ) -> Result<Self> {
         config.validate()?;
-        let (rf_target, rf_background) = (Rf3dgsConfig::RF_TARGET, Some(config.rf_background_color()));
-        let meta = FieldMeta { rf_target, db_range, optical_camera, rf_camera, rf_background, modalities: Default::default() };
+        let (radio_target, radio_background) = (Rf3dgsConfig::RADIO_TARGET, Some(config.radio_background_color()));
+        let meta =
+            FieldMeta { radio_target, db_range, light_camera, radio_camera, radio_background, modalities: Default::default() };
         meta.validate()?;
         if device.gaussians()? != config.empty_field() {
             let what = "the device holds Gaussians, or was made for other channels or harmonic degrees than the configuration's";
@@ -96,7 +99,7 @@ impl Rf3dgsReconstructor {
             schedule: None,
             extent_m: 0.0,
             done: 0,
-            rf_begun: false,
+            radio_begun: false,
             counts: DensityCounts::default(),
             times: Rf3dgsTimes::default(),
         })
@@ -117,11 +120,18 @@ impl Rf3dgsReconstructor {
             return Err(Error::invalid(format!("keyframe {}", keyframe.index), what, "RF-3DGS learns from both"));
         };
         let meta = &self.meta;
-                let view = corf::keyframe::training_view(world_from_camera, corf::keyframe::optical(&light), corf::keyframe::rf(Some(&radio), meta), None, light.mask.clone(), meta);
+        let view = corf::keyframe::training_view(
+            world_from_camera,
+            corf::keyframe::light(&light),
+            corf::keyframe::radio(Some(&radio), meta),
+            None,
+            light.mask.clone(),
+            meta,
+        );
         self.device.upload(&view, 1)?;
         self.poses.push(world_from_camera);
         if self.config.initial_points == InitialPoints::Triangulated && self.given.is_none() {
-            self.views.push(PointView::new(index, world_from_camera, light, self.meta.optical_camera));
+            self.views.push(PointView::new(index, world_from_camera, light, self.meta.light_camera));
         }
         Ok(())
     }
@@ -141,7 +151,7 @@ impl Rf3dgsReconstructor {
         if let Some(given) = self.given.take() {
             self.views = vec![];
             self.device.append(&given)?;
-            self.done = self.config.optical_steps;
+            self.done = self.config.light_steps;
             return Ok(());
         }
         let half_side_m = f64::from(self.config.random_extent) * self.extent_m;
@@ -177,29 +187,29 @@ impl Rf3dgsReconstructor {
         let Some(schedule) = &mut self.schedule else {
             return Err(Error::invalid("the reconstruction", "it has not begun", "call Rf3dgsReconstructor::begin first"));
         };
-        let optical = self.config.optical_steps;
-        let end = if self.done < optical { optical } else { self.config.total_steps() };
+        let light = self.config.light_steps;
+        let end = if self.done < light { light } else { self.config.total_steps() };
         let target = self.done.saturating_add(most.max(1)).min(end);
         if self.done == target {
             return Ok(None);
         }
         let start = Instant::now();
-        let rf = self.done >= optical;
-        if rf && !self.rf_begun {
-            begin_rf(self.device.as_mut(), self.config.rf_moments)?;
-            self.rf_begun = true;
+        let radio = self.done >= light;
+        if radio && !self.radio_begun {
+            begin_radio(self.device.as_mut(), self.config.radio_moments)?;
+            self.radio_begun = true;
         }
         let mut last = StepReport::default();
         while self.done < target {
-            let event = if rf { usize::MAX } else { self.config.density.steps_to_event(self.done) };
+            let event = if radio { usize::MAX } else { self.config.density.steps_to_event(self.done) };
             let count = event.min(target - self.done);
             let steps: Vec<_> = (1..=count).map(|k| schedule.step(self.done + k)).collect();
             last = self.device.train_dense(&steps)?;
             self.done += count;
-            if !rf {
+            if !radio {
                 control_density(
                     self.device.as_mut(),
-                    Modality::Optical,
+                    Modality::Light,
                     &self.config.density,
                     self.done,
                     self.extent_m,
@@ -208,7 +218,7 @@ impl Rf3dgsReconstructor {
                 )?;
             }
         }
-        let seconds = if rf { &mut self.times.rf_s } else { &mut self.times.optical_s };
+        let seconds = if radio { &mut self.times.radio_s } else { &mut self.times.light_s };
         *seconds += start.elapsed().as_secs_f64();
         Ok(Some(last))
     }
@@ -298,15 +308,15 @@ pub(crate) fn control_density(
 }
 
 /// The RF stage's beginning: every Gaussian has the opacity that light has learnt and no colour (grey); Adam's moments of both are light's, or zero.
-fn begin_rf(device: &mut dyn Device, moments: RfMoments) -> Result<()> {
+fn begin_radio(device: &mut dyn Device, moments: RadioMoments) -> Result<()> {
     let mut state = device.state()?;
     let n = state.gaussians.len();
-    state.gaussians.rf.opacity_logit.clone_from(&state.gaussians.optical.opacity_logit);
-    state.gaussians.rf.sh.fill(0.0);
+    state.gaussians.radio.opacity_logit.clone_from(&state.gaussians.light.opacity_logit);
+    state.gaussians.radio.sh.fill(0.0);
     for part in &mut state.moments {
         match moments {
-            RfMoments::Restored => part.rf.clone_from(&part.optical),
-            RfMoments::Zero => *part = zeros(part),
+            RadioMoments::Restored => part.radio.clone_from(&part.light),
+            RadioMoments::Zero => *part = zeros(part),
         }
     }
     device.retain(&vec![false; n])?;
@@ -319,7 +329,7 @@ fn zeros(like: &Gaussians) -> Gaussians {
     out.position.fill([0.0; 3]);
     out.rotation.fill([0.0; 4]);
     out.log_scale.fill([0.0; 3]);
-    for a in [&mut out.optical, &mut out.rf] {
+    for a in [&mut out.light, &mut out.radio] {
         a.opacity_logit.fill(0.0);
         a.sh.fill(0.0);
     }

@@ -101,12 +101,12 @@ pub fn gaussians(points: &[Point], none: Gaussians, initial_opacity: f32) -> Res
     out.rotation = vec![[1.0, 0.0, 0.0, 0.0]; points.len()];
     let squared = mean_squared_distance_to_3(&out.position);
     out.log_scale = squared.iter().map(|d| [0.5 * d.max(LEAST_SQUARED_M).ln(); 3]).collect();
-    for a in [&mut out.optical, &mut out.rf] {
+    for a in [&mut out.light, &mut out.radio] {
         a.opacity_logit = vec![logit(initial_opacity); points.len()];
         a.sh = vec![0.0; points.len() * a.stride()];
     }
-    let stride = out.optical.stride();
-    for (sh, point) in out.optical.sh.chunks_exact_mut(stride).zip(points) {
+    let stride = out.light.stride();
+    for (sh, point) in out.light.sh.chunks_exact_mut(stride).zip(points) {
         for (value, color) in sh.iter_mut().zip(point.color) {
             *value = (f32::from(color) / 255.0 - 0.5) / SH_C0;
         }
@@ -153,9 +153,9 @@ mod tests {
         let g = gaussians(&points, config.empty_field(), config.initial_opacity).unwrap();
         // Three neighbours of a corner of the grid are half a metre away.
         assert!(g.log_scale.iter().all(|s| (s[0] - 0.5f32.ln()).abs() < 1e-6 && s[0] == s[1] && s[1] == s[2]));
-        let shown = |c: usize| 0.5 + SH_C0 * g.optical.sh[c];
+        let shown = |c: usize| 0.5 + SH_C0 * g.light.sh[c];
         assert!((shown(0) - 1.0).abs() < 1e-6 && (shown(2)).abs() < 1e-6);
-        assert!(g.rf.sh.iter().all(|v| *v == 0.0) && g.optical.sh[3..48].iter().all(|v| *v == 0.0));
+        assert!(g.radio.sh.iter().all(|v| *v == 0.0) && g.light.sh[3..48].iter().all(|v| *v == 0.0));
         let error = gaussians(&points[..5], config.empty_field(), config.initial_opacity).unwrap_err().to_string();
         assert!(error.contains("5 corners") && error.contains("random"), "{error}");
     }
@@ -173,8 +173,9 @@ mod tests {
 
     #[test]
     fn triangulated_points_lie_on_what_was_seen() {
-        let (camera, rf) = (Pinhole::from_horizontal_fov(160, 120, 80.0), Pinhole::from_horizontal_fov(12, 8, 80.0));
-        let keyframes: Vec<_> = (0..6).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64), &camera, &rf, true)).collect();
+        let (camera, radio) = (Pinhole::from_horizontal_fov(160, 120, 80.0), Pinhole::from_horizontal_fov(12, 8, 80.0));
+        let keyframes: Vec<_> =
+            (0..6).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64), &camera, &radio, true)).collect();
         let views: Vec<PointView> =
             keyframes.iter().map(|k| PointView::new(k.index, k.world_from_camera, synthetic::light(k).clone(), camera)).collect();
         let points = triangulated(&views);

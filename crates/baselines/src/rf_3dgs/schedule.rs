@@ -1,6 +1,6 @@
 //! What each step of an offline reconstruction trains, from its number alone: stage, view, rate of positions, degree of harmonics.
 
-use super::config::{Rf3dgsConfig, RfMoments};
+use super::config::{RadioMoments, Rf3dgsConfig};
 use crate::stage;
 use corf::device::{DenseStep, Step, ViewId};
 use corf_scene::Rng;
@@ -70,24 +70,24 @@ impl Rf3dgsSchedule {
 
     /// The step of number `number` of both stages, from 1: light with its geometry first, then RF on frozen geometry.
     pub fn step(&mut self, number: usize) -> DenseStep {
-        let rf = number > self.config.optical_steps;
-        let within = if rf { number - self.config.optical_steps } else { number };
-        let counted = if rf && self.config.rf_moments == RfMoments::Zero { within } else { number };
+        let radio = number > self.config.light_steps;
+        let within = if radio { number - self.config.light_steps } else { number };
+        let counted = if radio && self.config.radio_moments == RadioMoments::Zero { within } else { number };
         DenseStep {
             step: Step {
-                view: self.epochs[usize::from(rf)].view(within),
+                view: self.epochs[usize::from(radio)].view(within),
                 levels: [0; 2],
-                optical_weight: if rf { 0.0 } else { 1.0 },
-                rf_weight: if rf { 1.0 } else { 0.0 },
+                light_weight: if radio { 0.0 } else { 1.0 },
+                radio_weight: if radio { 1.0 } else { 0.0 },
                 depth_weight: 0.0,
-                train_geometry: !rf,
-                optical_background: [0.0; 3],
-                rf_background: self.config.rf_background_color(),
+                train_geometry: !radio,
+                light_background: [0.0; 3],
+                radio_background: self.config.radio_background_color(),
             },
             number: counted.min(u32::MAX as usize) as u32,
-            position_rate_m: if rf { 0.0 } else { self.position_rate_m(number) as f32 },
-            degree: if rf { self.config.sh_degree } else { self.degree(number) },
-            screen_gradients: !rf && self.config.density.watches(number),
+            position_rate_m: if radio { 0.0 } else { self.position_rate_m(number) as f32 },
+            degree: if radio { self.config.sh_degree } else { self.degree(number) },
+            screen_gradients: !radio && self.config.density.watches(number),
         }
     }
 }
@@ -95,7 +95,7 @@ impl Rf3dgsSchedule {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rf_3dgs::RfBackground;
+    use crate::rf_3dgs::RadioBackground;
 
     fn schedule(config: &Rf3dgsConfig) -> Rf3dgsSchedule {
         Rf3dgsSchedule::new(config, 5.0, 3, 7)
@@ -110,13 +110,13 @@ mod tests {
         let degrees = [1, 999, 1000, 1999, 2000, 3000, 29_000].map(|step| s.degree(step));
         assert_eq!(degrees, [0, 0, 1, 1, 2, 3, 3]);
         // A shorter stage ends on the way down.
-        let short = Rf3dgsConfig { optical_steps: 15_000, ..Rf3dgsConfig::default() };
+        let short = Rf3dgsConfig { light_steps: 15_000, ..Rf3dgsConfig::default() };
         assert!((schedule(&short).position_rate_m(15_000) / (5.0 * 1.6e-5) - 1.0).abs() < 1e-6);
     }
 
     #[test]
     fn every_epoch_visits_every_view_once_and_a_step_depends_on_its_number_alone() {
-        let config = Rf3dgsConfig { optical_steps: 70, rf_steps: 70, ..Rf3dgsConfig::default() };
+        let config = Rf3dgsConfig { light_steps: 70, radio_steps: 70, ..Rf3dgsConfig::default() };
         let mut s = schedule(&config);
         let views: Vec<usize> = (1..=140).map(|n| s.step(n).step.view.0).collect();
         let mut orders = std::collections::BTreeSet::new();
@@ -134,19 +134,22 @@ mod tests {
     }
 
     #[test]
-    fn the_rf_stage_counts_on_as_published_and_from_the_start_when_corrected() {
+    fn the_radio_stage_counts_on_as_published_and_from_the_start_when_corrected() {
         let published = Rf3dgsConfig::default();
-        let corrected =
-            Rf3dgsConfig { rf_moments: RfMoments::Zero, rf_background: RfBackground::Floor, ..Rf3dgsConfig::default() };
+        let corrected = Rf3dgsConfig {
+            radio_moments: RadioMoments::Zero,
+            radio_background: RadioBackground::Floor,
+            ..Rf3dgsConfig::default()
+        };
         let (a, b) = (schedule(&published).step(30_001), schedule(&corrected).step(30_001));
         assert_eq!((a.number, b.number), (30_001, 1));
-        assert_eq!((a.step.rf_background, b.step.rf_background), ([0.0; 3], corf_scene::color::jet(0.0)));
+        assert_eq!((a.step.radio_background, b.step.radio_background), ([0.0; 3], corf_scene::color::jet(0.0)));
         for s in [a, b] {
             assert_eq!((s.degree, s.step.train_geometry, s.screen_gradients), (3, false, false));
-            assert_eq!((s.step.optical_weight, s.step.rf_weight, s.step.levels), (0.0, 1.0, [0; 2]));
+            assert_eq!((s.step.light_weight, s.step.radio_weight, s.step.levels), (0.0, 1.0, [0; 2]));
         }
         let (light, late) = (schedule(&published).step(1), schedule(&published).step(20_000));
         assert_eq!((light.number, light.degree, light.step.train_geometry, light.screen_gradients), (1, 0, true, true));
-        assert!(!late.screen_gradients && late.step.optical_background == [0.0; 3]);
+        assert!(!late.screen_gradients && late.step.light_background == [0.0; 3]);
     }
 }

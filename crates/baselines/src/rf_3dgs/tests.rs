@@ -15,15 +15,15 @@ fn cameras() -> (Pinhole, Pinhole) {
 }
 
 fn keyframe(i: usize) -> Keyframe {
-    let (optical, rf) = cameras();
-    synthetic::keyframe(i, synthetic::pose(i as f64), &optical, &rf, true)
+    let (light, radio) = cameras();
+    synthetic::keyframe(i, synthetic::pose(i as f64), &light, &radio, true)
 }
 
 /// A short run in which every kind of event comes: three density changes, two resets, all degrees.
 fn config() -> Rf3dgsConfig {
     Rf3dgsConfig {
-        optical_steps: 130,
-        rf_steps: 40,
+        light_steps: 130,
+        radio_steps: 40,
         degree_interval: 30,
         rates: Rf3dgsRates { position_steps: 130, ..Rf3dgsRates::default() },
         // The cameras are within a metre: what is a hundredth of a room's extent is more of theirs.
@@ -47,8 +47,8 @@ fn received(config: &Rf3dgsConfig, seed: u64) -> Rf3dgsReconstructor {
 
 fn received_from(config: &Rf3dgsConfig, seed: u64, of: impl Fn(usize) -> Keyframe) -> Rf3dgsReconstructor {
     let device = CpuDevice::new(config.optimizer(), config.raster(), &config.empty_field()).unwrap();
-    let (optical, rf) = cameras();
-    let mut r = Rf3dgsReconstructor::new(Box::new(device), config.clone(), optical, rf, synthetic::DB_RANGE, seed).unwrap();
+    let (light, radio) = cameras();
+    let mut r = Rf3dgsReconstructor::new(Box::new(device), config.clone(), light, radio, synthetic::DB_RANGE, seed).unwrap();
     (0..8).filter(|i| *i != 4).for_each(|i| r.receive(of(i)).unwrap());
     r
 }
@@ -72,13 +72,13 @@ fn quality(r: &mut Rf3dgsReconstructor) -> [f64; 2] {
     let planes = |pixels: Vec<f32>| Planes { width: seen.image.width(), height: seen.image.height(), channels: 3, pixels };
     let image = planes(seen.image.pixels().as_flattened().to_vec());
     let target = planes(synthetic::light(&truth).image.pixels().as_flattened().iter().map(|v| f32::from(*v) / 255.0).collect());
-    let jet = meta.rf_target.encode(synthetic::spectrum(&truth), &meta.db_range);
-    [psnr_8bit(&image, &target), psnr_8bit(&seen.rf, &jet)]
+    let jet = meta.radio_target.encode(synthetic::spectrum(&truth), &meta.db_range);
+    [psnr_8bit(&image, &target), psnr_8bit(&seen.radio, &jet)]
 }
 
 #[test]
 fn what_is_under_a_mask_changes_no_byte_of_a_field() {
-    let config = Rf3dgsConfig { optical_steps: 40, rf_steps: 5, ..config() };
+    let config = Rf3dgsConfig { light_steps: 40, radio_steps: 5, ..config() };
     let mask = |k: &Keyframe| Raster::from_fn(96, 72, |x, y| !(5 * k.index..5 * k.index + 30).contains(&x) || y < 20);
     let masked = |i: usize| synthetic::seen(&keyframe(i), |light| light.mask = Some(mask(&keyframe(i))));
     let painted = |i: usize| {
@@ -102,8 +102,8 @@ fn two_stages_learn_light_and_radio_and_end_in_the_same_bytes_however_they_are_d
     let before = whole.points().len();
     let at_first = quality(&mut whole);
     whole.train(130).unwrap();
-    begin_rf(whole.device.as_mut(), config.rf_moments).unwrap();
-    whole.rf_begun = true;
+    begin_radio(whole.device.as_mut(), config.radio_moments).unwrap();
+    whole.radio_begun = true;
     let at_the_seam = quality(&mut whole);
     whole.train(1000).unwrap();
     let at_last = quality(&mut whole);
@@ -117,7 +117,7 @@ fn two_stages_learn_light_and_radio_and_end_in_the_same_bytes_however_they_are_d
     assert!(run(&config, 1, 7).field().unwrap() == field, "portions change nothing");
     assert!(run(&config, 2, 1000).field().unwrap() != field, "the seed does");
     let times = whole.times();
-    assert!(times.points_s > 0.0 && times.optical_s > 0.0 && times.rf_s > 0.0);
+    assert!(times.points_s > 0.0 && times.light_s > 0.0 && times.radio_s > 0.0);
 }
 
 #[test]
@@ -153,54 +153,56 @@ fn a_restored_reconstruction_goes_on_to_the_same_bytes_from_anywhere() {
 }
 
 #[test]
-fn the_rf_stage_begins_grey_with_lights_opacity_and_leaves_geometry_and_light_alone() {
-    for (rf_moments, rf_background) in [(RfMoments::Restored, RfBackground::Black), (RfMoments::Zero, RfBackground::Floor)] {
-        let config = Rf3dgsConfig { rf_moments, rf_background, ..config() };
+fn the_radio_stage_begins_grey_with_lights_opacity_and_leaves_geometry_and_light_alone() {
+    for (radio_moments, radio_background) in
+        [(RadioMoments::Restored, RadioBackground::Black), (RadioMoments::Zero, RadioBackground::Floor)]
+    {
+        let config = Rf3dgsConfig { radio_moments, radio_background, ..config() };
         let mut r = received(&config, 1);
         r.begin().unwrap();
         r.train(130).unwrap();
         assert_eq!(r.steps_done(), 130);
         let light = r.device.state().unwrap();
-        begin_rf(r.device.as_mut(), rf_moments).unwrap();
-        r.rf_begun = true;
+        begin_radio(r.device.as_mut(), radio_moments).unwrap();
+        r.radio_begun = true;
         let state = r.device.state().unwrap();
-        assert!(state.gaussians.optical == light.gaussians.optical && state.gaussians.position == light.gaussians.position);
-        assert_eq!(state.gaussians.rf.opacity_logit, light.gaussians.optical.opacity_logit);
-        assert!(state.gaussians.rf.sh.iter().all(|v| *v == 0.0));
+        assert!(state.gaussians.light == light.gaussians.light && state.gaussians.position == light.gaussians.position);
+        assert_eq!(state.gaussians.radio.opacity_logit, light.gaussians.light.opacity_logit);
+        assert!(state.gaussians.radio.sh.iter().all(|v| *v == 0.0));
         for (now, then) in state.moments.iter().zip(&light.moments) {
-            assert!(then.optical.sh.iter().any(|v| *v != 0.0));
-            match rf_moments {
-                RfMoments::Restored => assert!(now.rf == then.optical),
-                RfMoments::Zero => assert!(now.rf.sh.iter().chain(&now.rf.opacity_logit).all(|v| *v == 0.0)),
+            assert!(then.light.sh.iter().any(|v| *v != 0.0));
+            match radio_moments {
+                RadioMoments::Restored => assert!(now.radio == then.light),
+                RadioMoments::Zero => assert!(now.radio.sh.iter().chain(&now.radio.opacity_logit).all(|v| *v == 0.0)),
             }
         }
         while r.train(100).unwrap().is_some() {}
         let end = r.field().unwrap();
-        assert!(end.gaussians.optical == light.gaussians.optical && end.gaussians.rotation == light.gaussians.rotation);
+        assert!(end.gaussians.light == light.gaussians.light && end.gaussians.rotation == light.gaussians.rotation);
         assert!(end.gaussians.position == light.gaussians.position && end.gaussians.log_scale == light.gaussians.log_scale);
-        assert!(end.gaussians.rf.opacity_logit != light.gaussians.optical.opacity_logit, "opacity is learnt");
+        assert!(end.gaussians.radio.opacity_logit != light.gaussians.light.opacity_logit, "opacity is learnt");
         // All bands from the start.
-        assert!((0..48).all(|k| end.gaussians.rf.sh.chunks_exact(48).any(|sh| sh[k] != 0.0)));
-        assert_eq!(end.meta.rf_background, Some(config.rf_background_color()));
+        assert!((0..48).all(|k| end.gaussians.radio.sh.chunks_exact(48).any(|sh| sh[k] != 0.0)));
+        assert_eq!(end.meta.radio_background, Some(config.radio_background_color()));
     }
 }
 
 #[test]
-fn published_and_corrected_differ_in_the_rf_stage_alone() {
+fn published_and_corrected_differ_in_the_radio_stage_alone() {
     let published = config();
-    let corrected = Rf3dgsConfig { rf_moments: RfMoments::Zero, rf_background: RfBackground::Floor, ..config() };
+    let corrected = Rf3dgsConfig { radio_moments: RadioMoments::Zero, radio_background: RadioBackground::Floor, ..config() };
     let (mut a, mut b) = (run(&published, 1, 1000), run(&corrected, 1, 1000));
     let (fa, fb) = (a.field().unwrap(), b.field().unwrap());
-    assert!(fa.gaussians.optical == fb.gaussians.optical && fa.gaussians.position == fb.gaussians.position);
-    assert!(fa.gaussians.rf != fb.gaussians.rf);
+    assert!(fa.gaussians.light == fb.gaussians.light && fa.gaussians.position == fb.gaussians.position);
+    assert!(fa.gaussians.radio != fb.gaussians.radio);
     // Where nothing is, one shows black and the other the floor.
     let outside = Rigid3::looking_at(glam::DVec3::new(0.0, 0.0, 500.0), glam::DVec3::new(0.0, 0.0, 900.0), glam::DVec3::Y);
     let view = View { camera: cameras().1, world_from_camera: outside };
     for (r, color) in [(&mut a, [0.0; 3]), (&mut b, corf_scene::color::jet(0.0))] {
-        let shown = r.meta.render(r.device.as_mut(), outside).unwrap().rf;
+        let shown = r.meta.render(r.device.as_mut(), outside).unwrap().radio;
         assert!(shown.pixels.chunks_exact(3).all(|p| p == color));
-        let request = RenderRequest { rf: Some((view, [0.3; 3])), ..RenderRequest::default() };
-        assert!(r.device.render(&request).unwrap().rf.unwrap().transmittance.pixels().iter().all(|t| *t == 1.0));
+        let request = RenderRequest { radio: Some((view, [0.3; 3])), ..RenderRequest::default() };
+        assert!(r.device.render(&request).unwrap().radio.unwrap().transmittance.pixels().iter().all(|t| *t == 1.0));
     }
 }
 
@@ -210,13 +212,13 @@ fn random_points_will_do_where_nothing_can_be_triangulated() {
         initial_points: InitialPoints::Random,
         random_points: 400,
         random_extent: 1.5,
-        optical_steps: 10,
-        rf_steps: 0,
+        light_steps: 10,
+        radio_steps: 0,
         ..config()
     };
     let mut r = run(&config, 1, 100);
     assert_eq!(r.points().len(), 400);
-    assert!(r.field().unwrap().gaussians.rf.sh.iter().all(|v| *v == 0.0));
+    assert!(r.field().unwrap().gaussians.radio.sh.iter().all(|v| *v == 0.0));
 }
 
 #[test]
@@ -235,8 +237,8 @@ fn what_cannot_be_a_beginning_is_refused() {
     r.begin().unwrap();
     assert!(r.begin().is_err() && r.receive(keyframe(4)).is_err());
     let device = CpuDevice::new(config.optimizer(), config.raster(), &config.empty_field()).unwrap();
-    let (optical, rf) = cameras();
-    let mut alone = Rf3dgsReconstructor::new(Box::new(device), config, optical, rf, synthetic::DB_RANGE, 1).unwrap();
+    let (light, radio) = cameras();
+    let mut alone = Rf3dgsReconstructor::new(Box::new(device), config, light, radio, synthetic::DB_RANGE, 1).unwrap();
     alone.receive(keyframe(0)).unwrap();
     assert!(alone.begin().unwrap_err().to_string().contains("all in one place"));
 }

@@ -1,7 +1,9 @@
 //! The configuration of WRF-GS+. Defaults are the published ones, but for where the first Gaussians are.
 
 use crate::rf_3dgs::DensityConfig;
-use corf::{Antialias, Appearance, AppearanceRates, Error, Gaussians, OptimizerConfig, RasterConfig, Result, target::RfTarget};
+use corf::{
+    Antialias, Appearance, AppearanceRates, Error, Gaussians, OptimizerConfig, RasterConfig, Result, target::RadioTarget,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -52,7 +54,8 @@ pub struct WrfGsPlusConfig {
     /// Training steps (10 000).
     pub iterations: usize,
     /// Encoding of the spectra it learns: `jet` or `db`.
-    pub rf_target: RfTarget,
+    #[serde(rename = "rf_target")]
+    pub radio_target: RadioTarget,
     /// Number of the first Gaussians (200 000).
     pub random_points: usize,
     /// Half side of the cube around the cameras in which they lie, in units of the cameras' extent (3).
@@ -91,7 +94,7 @@ impl Default for WrfGsPlusConfig {
     fn default() -> Self {
         Self {
             iterations: 10_000,
-            rf_target: RfTarget::Jet,
+            radio_target: RadioTarget::Jet,
             random_points: 200_000,
             random_extent: 3.0,
             initial_opacity: 0.1,
@@ -167,8 +170,8 @@ impl WrfGsPlusConfig {
             position_decay: 0.0,
             log_scale_rate: r.log_scale,
             rotation_rate: r.rotation,
-            optical: appearance,
-            rf: appearance,
+            light: appearance,
+            radio: appearance,
             beta1: 0.9,
             beta2: 0.999,
             epsilon: 1e-15,
@@ -178,8 +181,8 @@ impl WrfGsPlusConfig {
 
     /// No Gaussians yet, of the target's channels and degree 0: what a device is made with. Their light is not used.
     pub fn empty_field(&self) -> Gaussians {
-        let mut field = Gaussians::empty(self.rf_target.channels(), 0);
-        field.rf = Appearance::empty(self.rf_target.channels(), 0);
+        let mut field = Gaussians::empty(self.radio_target.channels(), 0);
+        field.radio = Appearance::empty(self.radio_target.channels(), 0);
         field
     }
 }

@@ -17,21 +17,21 @@ pub struct CpuTrainer {
 
 /// The parameters that a deformation concerns.
 fn shapes(rows: &Rows, channels: usize) -> Vec<Shape<f32>> {
-    let shape = |(c, rf): (&[f32; 12], &[f32])| {
+    let shape = |(c, radio): (&[f32; 12], &[f32])| {
         let mut dc = [0.0; 3];
-        dc[..channels].copy_from_slice(rf);
+        dc[..channels].copy_from_slice(radio);
         Shape { position: [c[0], c[1], c[2]], rotation: [c[3], c[4], c[5], c[6]], log_scale: [c[7], c[8], c[9]], dc }
     };
-    rows.core.iter().zip(rows.rf.chunks_exact(channels)).map(shape).collect()
+    rows.core.iter().zip(rows.radio.chunks_exact(channels)).map(shape).collect()
 }
 
 /// Puts them in the place of those in `rows`, whose opacities stay.
 fn put<'a>(rows: &mut Rows, channels: usize, shapes: impl Iterator<Item = &'a Shape<f32>>) {
-    for ((core, rf), s) in rows.core.iter_mut().zip(rows.rf.chunks_exact_mut(channels)).zip(shapes) {
+    for ((core, radio), s) in rows.core.iter_mut().zip(rows.radio.chunks_exact_mut(channels)).zip(shapes) {
         core[..3].copy_from_slice(&s.position);
         core[3..7].copy_from_slice(&s.rotation);
         core[7..10].copy_from_slice(&s.log_scale);
-        rf.copy_from_slice(&s.dc[..channels]);
+        radio.copy_from_slice(&s.dc[..channels]);
     }
 }
 
@@ -44,7 +44,7 @@ impl CpuTrainer {
         config.validate()?;
         Trained::new(parameters.clone()).check(Model::new(config).network.parameters())?;
         let device = CpuDevice::new(config.optimizer(), config.raster(), &config.empty_field())?;
-        Ok(Self { device, deformation: Deformation::new(config, parameters), channels: config.rf_target.channels() })
+        Ok(Self { device, deformation: Deformation::new(config, parameters), channels: config.radio_target.channels() })
     }
 
     fn step(&mut self, step: &DeformedStep) -> Result<StepReport> {
@@ -88,10 +88,10 @@ impl Trainer for CpuTrainer {
         let receiver_m = view.world_from_camera.translation.as_vec3().to_array();
         let deformed = self.deformation.apply(&shapes(&rows, self.channels), receiver_m);
         put(&mut rows, self.channels, deformed.iter().map(|d| &d.0));
-        let request = RenderRequest { rf: Some((*view, background)), ..RenderRequest::default() };
+        let request = RenderRequest { radio: Some((*view, background)), ..RenderRequest::default() };
         let rendering = self.device.render_rows(&request, rows)?;
         rendering
-            .rf
+            .radio
             .ok_or_else(|| Error::invalid(self.device.name(), "the device rendered no RF", "this is a defect of the device"))
     }
 

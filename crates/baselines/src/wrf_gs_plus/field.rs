@@ -42,8 +42,8 @@ pub(super) fn tensors<'a>(of: &str, g: &'a Gaussians) -> Vec<Tensor<'a>> {
         Tensor::new(format!("{of}.position"), &[n, 3], g.position.as_flattened()),
         Tensor::new(format!("{of}.rotation"), &[n, 4], g.rotation.as_flattened()),
         Tensor::new(format!("{of}.log_scale"), &[n, 3], g.log_scale.as_flattened()),
-        Tensor::new(format!("{of}.rf.opacity_logit"), &[n], &g.rf.opacity_logit[..]),
-        Tensor::new(format!("{of}.rf.color"), &[n, g.rf.stride()], &g.rf.sh[..]),
+        Tensor::new(format!("{of}.rf.opacity_logit"), &[n], &g.radio.opacity_logit[..]),
+        Tensor::new(format!("{of}.rf.color"), &[n, g.radio.stride()], &g.radio.sh[..]),
     ]
 }
 
@@ -57,9 +57,9 @@ pub(super) fn gaussians(config: &WrfGsPlusConfig, file: &Tensors, of: &str, n: u
     out.position = values("position", &[n, 3])?.as_chunks().0.to_vec();
     out.rotation = values("rotation", &[n, 4])?.as_chunks().0.to_vec();
     out.log_scale = values("log_scale", &[n, 3])?.as_chunks().0.to_vec();
-    out.rf.opacity_logit = values("rf.opacity_logit", &[n])?;
-    out.rf.sh = values("rf.color", &[n, out.rf.stride()])?;
-    out.optical = Appearance { opacity_logit: vec![0.0; n], sh: vec![0.0; n * out.optical.stride()], ..out.optical };
+    out.radio.opacity_logit = values("rf.opacity_logit", &[n])?;
+    out.radio.sh = values("rf.color", &[n, out.radio.stride()])?;
+    out.light = Appearance { opacity_logit: vec![0.0; n], sh: vec![0.0; n * out.light.stride()], ..out.light };
     Ok(out)
 }
 
@@ -108,7 +108,7 @@ impl WrfGsPlusField {
 
 /// Renders a pose by a trainer.
 pub(super) fn render(meta: &FieldMeta, trainer: &mut dyn Trainer, world_from_camera: &Rigid3) -> Result<Planes> {
-    let background = meta.rf_background.unwrap_or(meta.rf_target.floor_color());
-    let view = View { camera: meta.rf_camera, world_from_camera: *world_from_camera };
+    let background = meta.radio_background.unwrap_or(meta.radio_target.floor_color());
+    let view = View { camera: meta.radio_camera, world_from_camera: *world_from_camera };
     Ok(trainer.render(&view, background)?.color)
 }

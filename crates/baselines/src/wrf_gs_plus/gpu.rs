@@ -147,8 +147,8 @@ impl Deforming {
             position_rate: rates.position_rate_m,
             rotation_rate: rates.rotation_rate,
             log_scale_rate: rates.log_scale_rate,
-            opacity_rate: rates.rf.opacity,
-            signal_rate: rates.rf.sh_dc,
+            opacity_rate: rates.radio.opacity,
+            signal_rate: rates.radio.sh_dc,
             beta1: rates.beta1,
             beta2: rates.beta2,
             epsilon: rates.epsilon,
@@ -174,16 +174,16 @@ impl Deformation for Deforming {
         self.network.set_rows(context, b.gaussians.div_ceil(chunks).max(1))?;
         let constants = context.buffer("chunks of Gaussians", UNIFORM_STRIDE * chunks as u64, wgpu::BufferUsages::UNIFORM)?;
         let n = &self.network;
-        let ([core, core_m, core_v], [rf, rf_moments]) = (b.core, b.rf);
+        let ([core, core_m, core_v], [radio, radio_moments]) = (b.core, b.radio);
         let [dp, ds, dr, dc] = self.model.heads().map(|h| n.values(h));
         let [gp, gs, gr, gc] = self.model.heads().map(|h| n.head_gradient(h));
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, size_of::<Chunk>() as u64, buffers);
-        let [core_gradient, rf_gradient] = b.gradients;
-        let stepped = [&constants, b.state, core, core_m, core_v, rf, rf_moments, core_gradient, rf_gradient];
+        let [core_gradient, radio_gradient] = b.gradients;
+        let stepped = [&constants, b.state, core, core_m, core_v, radio, radio_moments, core_gradient, radio_gradient];
         let pull_back = [&stepped[..], &[ds, gp, gs, gr, gc, &n.gate]].concat();
         self.bound = Some(BoundDeforming {
             encode: bind(&self.encode, &[&constants, core, &n.inputs[0], &n.inputs[1]])?,
-            deform: bind(&self.deform, &[&constants, core, rf, dp, ds, dr, dc, b.stand_ins[0], b.stand_ins[1]])?,
+            deform: bind(&self.deform, &[&constants, core, radio, dp, ds, dr, dc, b.stand_ins[0], b.stand_ins[1]])?,
             pull_back: bind(&self.pull_back, &pull_back)?,
             constants,
             gaussians: b.gaussians,
@@ -249,10 +249,10 @@ impl Trainer for GpuTrainer {
     fn render(&mut self, view: &View, background: [f32; 3]) -> Result<Layer> {
         self.deforming.steps.clear();
         self.deforming.receiver_m = view.world_from_camera.translation.as_vec3().to_array();
-        let request = RenderRequest { rf: Some((*view, background)), ..RenderRequest::default() };
+        let request = RenderRequest { radio: Some((*view, background)), ..RenderRequest::default() };
         let rendering = self.device.render_deformed(&request, &mut self.deforming)?;
         rendering
-            .rf
+            .radio
             .ok_or_else(|| Error::invalid(self.device.name(), "the device rendered no RF", "this is a defect of the device"))
     }
 

@@ -6,7 +6,7 @@ use super::tests::{keyframe, on_cpu, received, small};
 use super::*;
 use corf::device::ScreenGradient;
 use corf::device::gpu::GpuOptions;
-use corf::target::RfTarget;
+use corf::target::RadioTarget;
 use corf_gpu::testing;
 
 /// One shape of tiles, hardly any memory at first.
@@ -37,8 +37,8 @@ fn a_few_steps_on_both_devices_are_the_same_but_for_rounding() {
         return;
     }
     // Colours, displacements; all at once and in chunks with a short last one; room for all pairs, and too little at first.
-    for (rf_target, move_positions, most_rows) in [(RfTarget::Jet, true, 1 << 18), (RfTarget::Db, false, 170)] {
-        let config = WrfGsPlusConfig { rf_target, move_positions, random_points: 500, ..small() };
+    for (radio_target, move_positions, most_rows) in [(RadioTarget::Jet, true, 1 << 18), (RadioTarget::Db, false, 170)] {
+        let config = WrfGsPlusConfig { radio_target, move_positions, random_points: 500, ..small() };
         let (mut cpu, mut gpu) = (on_cpu(&config, 1), on_gpu(&config, &OPTIONS, most_rows));
         let pose = keyframe(4).world_from_camera;
         for r in [&mut cpu, &mut gpu] {
@@ -48,7 +48,7 @@ fn a_few_steps_on_both_devices_are_the_same_but_for_rounding() {
         let [a, b] = [&mut cpu, &mut gpu].map(|r| r.render(&pose).unwrap());
         assert!(largest(&a.pixels, &b.pixels) < 2e-5, "{}", largest(&a.pixels, &b.pixels));
         let [first, second] = [&mut cpu, &mut gpu].map(|r| r.train(1).unwrap().unwrap());
-        assert!((first.rf_loss - second.rf_loss).abs() < 1e-5, "{first:?} {second:?}");
+        assert!((first.radio_loss - second.radio_loss).abs() < 1e-5, "{first:?} {second:?}");
         // A first step of Adam is as long as its rate, whatever the gradient's size: moments show the gradients themselves.
         let [a, b] = [&mut cpu, &mut gpu].map(|r| (r.trainer.device().state().unwrap(), r.trainer.network().unwrap()));
         let close = |a: &[f32], b: &[f32], what: &str| {
@@ -60,8 +60,8 @@ fn a_few_steps_on_both_devices_are_the_same_but_for_rounding() {
             close(m.position.as_flattened(), n.position.as_flattened(), "position");
             close(m.rotation.as_flattened(), n.rotation.as_flattened(), "rotation");
             close(m.log_scale.as_flattened(), n.log_scale.as_flattened(), "scale");
-            close(&m.rf.opacity_logit, &n.rf.opacity_logit, "opacity");
-            close(&m.rf.sh, &n.rf.sh, "signal");
+            close(&m.radio.opacity_logit, &n.radio.opacity_logit, "opacity");
+            close(&m.radio.sh, &n.radio.sh, "signal");
             close(&a.1.moments[k], &b.1.moments[k], "network");
         }
         let [first, second] = [&mut cpu, &mut gpu].map(|r| r.trainer.device().screen_gradients().unwrap());
@@ -70,7 +70,7 @@ fn a_few_steps_on_both_devices_are_the_same_but_for_rounding() {
         // A device's tiles decide which Gaussians between two pixels count as visible; these are not drawn, and have no gradient.
         let undrawn = |(a, b): (&ScreenGradient, &ScreenGradient)| a.steps == b.steps || a.norm_sum.max(b.norm_sum) == 0.0;
         assert!(first.iter().zip(&second).all(undrawn) && first.iter().filter(|g| g.norm_sum > 0.0).count() > 100);
-        if rf_target == RfTarget::Jet {
+        if radio_target == RadioTarget::Jet {
             continue;
         }
         // What rounding makes of some more steps stays small, a change of density included, after which the network has other rows.
@@ -103,5 +103,7 @@ fn a_restored_reconstruction_goes_on_to_the_same_bytes_on_a_gpu_too() {
     second.restore(&checkpoint).unwrap();
     while second.train(7).unwrap().is_some() {}
     let (a, b) = (whole.field().unwrap(), second.field().unwrap());
-    assert!(a.parameters == b.parameters && a.gaussians.rf == b.gaussians.rf && a.gaussians.position == b.gaussians.position);
+    assert!(
+        a.parameters == b.parameters && a.gaussians.radio == b.gaussians.radio && a.gaussians.position == b.gaussians.position
+    );
 }

@@ -33,7 +33,7 @@ impl Model {
         let receiver = network.add(&[hidden], config.receiver_features, Activation::Identity);
         let read = network.trunk(&[Source::Input(0), receiver], config.layers, config.width, config.skip);
         let mut head = |outputs| network.add(&read, outputs, Activation::Identity);
-        let (position, scale, rotation, signal) = (head(3), head(3), head(4), head(config.rf_target.channels()));
+        let (position, scale, rotation, signal) = (head(3), head(3), head(4), head(config.radio_target.channels()));
         Self { network, position, scale, rotation, signal, of_position, of_receiver }
     }
 

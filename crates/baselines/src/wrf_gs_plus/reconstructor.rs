@@ -35,15 +35,21 @@ impl WrfGsPlusReconstructor {
     pub fn new(
         mut trainer: Box<dyn Trainer>,
         config: WrfGsPlusConfig,
-        optical_camera: Pinhole,
-        rf_camera: Pinhole,
+        light_camera: Pinhole,
+        radio_camera: Pinhole,
         db_range: DbRange,
         seed: u64,
     ) -> Result<Self> {
         config.validate()?;
-        let rf_target = config.rf_target;
-        let meta =
-            FieldMeta { rf_target, db_range, optical_camera, rf_camera, rf_background: None, modalities: Default::default() };
+        let radio_target = config.radio_target;
+        let meta = FieldMeta {
+            radio_target,
+            db_range,
+            light_camera,
+            radio_camera,
+            radio_background: None,
+            modalities: Default::default(),
+        };
         meta.validate()?;
         let device = trainer.device();
         if device.gaussians()? != config.empty_field() {
@@ -70,13 +76,13 @@ impl WrfGsPlusReconstructor {
         };
         let meta = &self.meta;
         // A device's view has an image in light; this one is never rendered.
-        let optical_camera = Pinhole { width: 1, height: 1, ..meta.optical_camera };
+        let light_camera = Pinhole { width: 1, height: 1, ..meta.light_camera };
         let view = TrainingView {
             world_from_camera: keyframe.world_from_camera,
-            optical: Planes { width: 1, height: 1, channels: 3, pixels: vec![0.0; 3] },
-            optical_camera,
-            rf: corf::keyframe::rf(Some(radio), meta),
-            rf_camera: meta.rf_camera,
+            light: Planes { width: 1, height: 1, channels: 3, pixels: vec![0.0; 3] },
+            light_camera,
+            radio: corf::keyframe::radio(Some(radio), meta),
+            radio_camera: meta.radio_camera,
             inverse_depth: None,
             mask: None,
         };
@@ -95,7 +101,7 @@ impl WrfGsPlusReconstructor {
         let half_side_m = f64::from(c.random_extent) * points::extent_m(&self.poses);
         let first = points::random(&self.poses, c.random_points, half_side_m, self.seed);
         let mut gaussians = points::gaussians(&first, c.empty_field(), c.initial_opacity)?;
-        gaussians.optical.sh.fill(0.0);
+        gaussians.light.sh.fill(0.0);
         self.trainer.device().append(&gaussians)
     }
 
@@ -132,12 +138,12 @@ impl WrfGsPlusReconstructor {
             let steps: Vec<_> = (1..=count).map(|k| step(&self.config, &self.meta, epochs, &self.poses, self.done + k)).collect();
             last = self.trainer.train(&steps)?;
             self.done += count;
-            if !last.rf_loss.is_finite() {
-                let what = format!("the loss is {}", last.rf_loss);
+            if !last.radio_loss.is_finite() {
+                let what = format!("the loss is {}", last.radio_loss);
                 return Err(Error::invalid(format!("training step {}", self.done), what, "give smaller rates.network"));
             }
             let (device, extent_m) = (self.trainer.device(), f64::from(self.config.extent_m));
-            control_density(device, Modality::Rf, &self.config.density, self.done, extent_m, self.seed, &mut self.counts)?;
+            control_density(device, Modality::Radio, &self.config.density, self.done, extent_m, self.seed, &mut self.counts)?;
         }
         Ok(Some(last))
     }
@@ -197,12 +203,12 @@ fn step(config: &WrfGsPlusConfig, meta: &FieldMeta, epochs: &mut Epochs, poses: 
     let step = Step {
         view,
         levels: [0; 2],
-        optical_weight: 0.0,
-        rf_weight: 1.0,
+        light_weight: 0.0,
+        radio_weight: 1.0,
         depth_weight: 0.0,
         train_geometry: true,
-        optical_background: [0.0; 3],
-        rf_background: meta.rf_background.unwrap_or(meta.rf_target.floor_color()),
+        light_background: [0.0; 3],
+        radio_background: meta.radio_background.unwrap_or(meta.radio_target.floor_color()),
     };
     DeformedStep {
         dense: DenseStep {

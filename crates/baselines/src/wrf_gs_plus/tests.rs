@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::synthetic;
-use corf::{loss::psnr_8bit, target::RfTarget};
+use corf::{loss::psnr_8bit, target::RadioTarget};
 use corf_scene::{Keyframe, Pinhole, Raster, Rng};
 
 /// A network and budget that train in a second or two.
@@ -42,8 +42,8 @@ pub(super) fn received(trainer: Box<dyn Trainer>, config: &WrfGsPlusConfig, seed
     let first = keyframe(0);
     let camera = |w, h| Pinhole::from_horizontal_fov(w, h, 80.0);
     let image = &synthetic::light(&first).image;
-    let (light, rf) = (camera(image.width(), image.height()), camera(48, 36));
-    let mut r = WrfGsPlusReconstructor::new(trainer, config.clone(), light, rf, synthetic::DB_RANGE, seed).unwrap();
+    let (light, radio) = (camera(image.width(), image.height()), camera(48, 36));
+    let mut r = WrfGsPlusReconstructor::new(trainer, config.clone(), light, radio, synthetic::DB_RANGE, seed).unwrap();
     (0..8).filter(|i| *i != 4).for_each(|i| r.receive(&keyframe(i)).unwrap());
     r
 }
@@ -65,12 +65,12 @@ fn run(config: &WrfGsPlusConfig, seed: u64, portion: usize) -> WrfGsPlusReconstr
 fn quality(r: &mut WrfGsPlusReconstructor) -> f64 {
     let truth = keyframe(4);
     let seen = r.render(&truth.world_from_camera).unwrap();
-    psnr_8bit(&seen, &r.meta.rf_target.encode(synthetic::spectrum(&truth), &r.meta.db_range))
+    psnr_8bit(&seen, &r.meta.radio_target.encode(synthetic::spectrum(&truth), &r.meta.db_range))
 }
 
 /// PSNR of the mean of the training images at that pose.
 fn quality_of_mean(r: &WrfGsPlusReconstructor) -> f64 {
-    let image = |i| r.meta.rf_target.encode(synthetic::spectrum(&keyframe(i)), &r.meta.db_range);
+    let image = |i| r.meta.radio_target.encode(synthetic::spectrum(&keyframe(i)), &r.meta.db_range);
     let mut mean = image(0);
     mean.pixels.fill(0.0);
     for i in (0..8).filter(|i| *i != 4) {
@@ -111,11 +111,11 @@ fn gradients_in_gaussians_and_network_are_those_of_finite_differences() {
     // Central differences: their error is O(h²) plus rounding over h.
     const H: f64 = 1e-6;
     let close = |found: f64, expected: f64| (found - expected).abs() < 1e-6 * (1.0 + expected.abs());
-    for (move_positions, rf_target) in [(false, RfTarget::Jet), (true, RfTarget::Db)] {
-        let config = WrfGsPlusConfig { move_positions, rf_target, ..small() };
+    for (move_positions, radio_target) in [(false, RadioTarget::Jet), (true, RadioTarget::Db)] {
+        let config = WrfGsPlusConfig { move_positions, radio_target, ..small() };
         let parameters = Model::new(&config).network.initial(3);
         let mut deformation = Deformation::<f64>::new(&config, parameters);
-        let (base, receiver) = (random_shapes(7, rf_target.channels()), [0.4, -1.2, 1.5]);
+        let (base, receiver) = (random_shapes(7, radio_target.channels()), [0.4, -1.2, 1.5]);
         // Σ weight · (value − 0.2)² over all numbers of the deformed Gaussians, so that the gradient is nowhere constant.
         let weight = |k: usize| 0.3 + (k % 5) as f64;
         let loss = |shapes: &[Shape<f64>]| -> f64 {
@@ -133,7 +133,7 @@ fn gradients_in_gaussians_and_network_are_those_of_finite_differences() {
             .collect();
         // What the network reads is detached: offsets stay while a Gaussian is moved.
         for i in 0..base.len() {
-            for k in 0..10 + rf_target.channels() {
+            for k in 0..10 + radio_target.channels() {
                 let mut moved = shapes.clone();
                 let mut at = |step: f64| {
                     let mut values = flat(&base[i]);
@@ -170,8 +170,8 @@ fn gradients_in_gaussians_and_network_are_those_of_finite_differences() {
 
 #[test]
 fn a_field_beats_the_mean_spectrum_and_looks_different_to_other_receivers() {
-    for (rf_target, iterations) in [(RfTarget::Jet, 400), (RfTarget::Db, 200)] {
-        let mut config = WrfGsPlusConfig { rf_target, iterations, random_points: 3000, random_extent: 3.0, ..small() };
+    for (radio_target, iterations) in [(RadioTarget::Jet, 400), (RadioTarget::Db, 200)] {
+        let mut config = WrfGsPlusConfig { radio_target, iterations, random_points: 3000, random_extent: 3.0, ..small() };
         (config.density.reset_every, config.density.until) = (10_000, iterations / 2);
         (config.rates.sh_dc, config.rates.opacity) = (0.02, 0.05);
         let mut r = on_cpu(&config, 1);
@@ -190,7 +190,7 @@ fn a_field_beats_the_mean_spectrum_and_looks_different_to_other_receivers() {
             let receiver = keyframe(i).world_from_camera.translation.as_vec3().to_array();
             deformation.apply(&base, receiver)[0].1
         });
-        let largest = (0..rf_target.channels()).map(|c| (a.signal[c] - b.signal[c]).abs()).fold(0.0, f32::max);
+        let largest = (0..radio_target.channels()).map(|c| (a.signal[c] - b.signal[c]).abs()).fold(0.0, f32::max);
         assert!(largest > 1e-3, "{a:?} {b:?}");
     }
 }
@@ -226,7 +226,7 @@ fn a_restored_reconstruction_goes_on_to_the_same_bytes_from_anywhere() {
         second.restore(&checkpoint).unwrap();
         while second.train(50).unwrap().is_some() {}
         let field = second.field().unwrap();
-        assert!(field.parameters == truth.parameters && field.gaussians.rf == truth.gaussians.rf, "from step {steps}");
+        assert!(field.parameters == truth.parameters && field.gaussians.radio == truth.gaussians.radio, "from step {steps}");
         assert!(field.gaussians.position == truth.gaussians.position && second.density_counts() != Default::default());
         assert!(on_cpu(&config, 4).restore(&checkpoint).is_err(), "another seed");
         assert!(second.restore(&checkpoint).is_err(), "it has begun");
@@ -247,7 +247,7 @@ fn a_field_on_disk_renders_what_it_rendered() {
     let path = folder.path().join("field");
     field.write(&path).unwrap();
     let read = WrfGsPlusField::read(&path).unwrap();
-    assert!(read.parameters == field.parameters && read.gaussians.rf == field.gaussians.rf && read.meta == field.meta);
+    assert!(read.parameters == field.parameters && read.gaussians.radio == field.gaussians.radio && read.meta == field.meta);
     let mut trainer = CpuTrainer::new(&config, read.parameters.clone()).unwrap();
     read.load(&mut trainer).unwrap();
     assert!(read.render(&mut trainer, &pose).unwrap() == seen);
@@ -266,7 +266,7 @@ fn what_cannot_be_a_beginning_is_refused() {
     r.begin().unwrap();
     assert!(r.begin().is_err() && r.receive(&keyframe(4)).is_err());
     assert!(CpuTrainer::new(&config, vec![0.0; 3]).is_err());
-    let of_another = WrfGsPlusConfig { rf_target: RfTarget::Db, ..config };
+    let of_another = WrfGsPlusConfig { radio_target: RadioTarget::Db, ..config };
     let trainer = CpuTrainer::new(&of_another, Model::new(&of_another).network.initial(1)).unwrap();
     let camera = Pinhole::from_horizontal_fov(4, 3, 80.0);
     let made = WrfGsPlusReconstructor::new(Box::new(trainer), small(), camera, camera, synthetic::DB_RANGE, 1);

@@ -64,7 +64,7 @@ impl LightViews {
                         config.source.display()
                     );
                 };
-                let o = &dataset.optical;
+                let o = &dataset.light;
                 let poses = trajectory::generate_between(way, dataset.keyframes, dataset.way)?;
                 ((o.width, o.height, o.horizontal_fov_deg), world_from_camera(poses))
             }
@@ -100,7 +100,7 @@ pub fn write(scene: &Scene, views: Option<&Views>, folder: &Path) -> Result<Summ
 ///
 /// # Errors
 /// Standard output that cannot be written.
-pub fn tell(summary: &Summary, out: &Path, json: bool) -> Result<Verdict> {
+pub fn report(summary: &Summary, out: &Path, json: bool) -> Result<Verdict> {
     let text = format!(
         "{}: {} shapes, {} materials, {} textures, {} emitters, {} triangles, {} sensors",
         out.display(),

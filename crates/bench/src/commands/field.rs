@@ -10,7 +10,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use corf::device::Modality;
 use corf::files::export::{Frame, SpzClamped, encode_splat, encode_spz, turned};
 use corf::files::ply::{self, SingleModality};
-use corf::{Field, RfTarget};
+use corf::{Field, RadioTarget};
 use corf_scene::io::write_atomic;
 use corf_scene::keyframe::DbRange;
 use serde_json::json;
@@ -44,7 +44,7 @@ pub struct Export {
     #[arg(long, value_enum)]
     to: Form,
     /// Modality: opacity and colour in light, or at 60 GHz.
-    #[arg(long, value_enum, default_value_t = Half::Optical)]
+    #[arg(long, value_enum, default_value_t = Half::Light)]
     field: Half,
     /// Output file.
     #[arg(long)]
@@ -71,9 +71,11 @@ enum Form {
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Half {
     /// Light.
-    Optical,
+    #[value(name = "optical")]
+    Light,
     /// 60 GHz.
-    Rf,
+    #[value(name = "rf")]
+    Radio,
 }
 
 impl Form {
@@ -108,8 +110,8 @@ impl Export {
         let mut notes = ply::Notes { offset_m, ..field.meta.notes(antialias) };
         let meta = field.meta;
         let modality = match self.field {
-            Half::Optical => Modality::Optical,
-            Half::Rf => Modality::Rf,
+            Half::Light => Modality::Light,
+            Half::Radio => Modality::Radio,
         };
         let mut said = vec![];
         if let Some([x, y, z]) = offset_m {
@@ -122,10 +124,10 @@ impl Export {
             gaussians = gaussians.in_three_channels();
             said.push("its one channel, a level between 0 and 1, is written as grey".to_owned());
         }
-        if self.field == Half::Rf {
+        if self.field == Half::Radio {
             let DbRange { min_db, max_db } = meta.db_range;
-            let encoding = if meta.rf_target == RfTarget::Jet { "Jet colours" } else { "levels" };
-            let background = &meta.rf_background_color()[..meta.rf_target.channels()];
+            let encoding = if meta.radio_target == RadioTarget::Jet { "Jet colours" } else { "levels" };
+            let background = &meta.radio_background_color()[..meta.radio_target.channels()];
             said.push(format!(
                 "colours are {encoding} of {min_db} to {max_db} dB, to be drawn over the background {background:?}"
             ));
@@ -183,15 +185,15 @@ impl Export {
                 info.method
             );
         };
-        if self.field == Half::Rf && abilities(&info.method).emitters {
+        if self.field == Half::Radio && abilities(&info.method).emitters {
             bail!(
                 "{place}: radio of corf-array is emitters seen through an array, no splats\n  help: export --field optical, or a run of corf-gs"
             );
         }
         let field = Field::read(&self.run)?;
         let trained = match self.field {
-            Half::Optical => field.meta.modalities.light,
-            Half::Rf => field.meta.modalities.radio,
+            Half::Light => field.meta.modalities.light,
+            Half::Radio => field.meta.modalities.radio,
         };
         ensure!(trained, "{place} was trained without this modality\n  help: export the other one with --field");
         Ok((field, raster.antialias))

@@ -86,7 +86,8 @@ struct Source {
     poses_in: Option<PoseFrame>,
     /// Camera of the images, where it is not the dataset's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    optical_camera: Option<Pinhole>,
+    #[serde(rename = "optical_camera")]
+    light_camera: Option<Pinhole>,
 }
 
 /// Pictures that a video can show.
@@ -156,14 +157,14 @@ impl Render {
         let camera = self.camera(&run.input.dataset)?;
         if let Some(camera) = camera {
             ensure!(has.light, "--size and --fov are of images, and the run has none\n  help: leave them out");
-            run.predictor.set_optical_camera(camera)?;
+            run.predictor.set_light_camera(camera)?;
         }
         let _held = claim_output(&self.out, self.resume)?;
         let source = Source {
             run: sha256_hex(&io::read(self.run.join("run.json"))?),
             poses: poses_sha256,
             poses_in: Some(frame).filter(|frame| *frame != PoseFrame::World),
-            optical_camera: camera,
+            light_camera: camera,
         };
         let source_path = self.out.join("render.json");
         if source_path.exists() {
@@ -237,7 +238,7 @@ impl Render {
 
     /// The camera of the images, where it is another than the dataset's.
     fn camera(&self, dataset: &Dataset) -> Result<Option<Pinhole>> {
-        let own = dataset.optical_camera();
+        let own = dataset.light_camera();
         if let Some(fov) = self.fov.filter(|f| !(1.0..=170.0).contains(f)) {
             bail!("--fov {fov} is no field of view\n  help: give 1 to 170 degrees");
         }

@@ -121,7 +121,7 @@ impl File {
 }
 
 /// Says which frame a scene is written in, where that is not its mesh file's or lies far out.
-fn say_frame(scene: &Model, config: Option<&SceneConfig>) {
+fn print_frame(scene: &Model, config: Option<&SceneConfig>) {
     messages::findings(radio_check::far_finding(scene));
     if let Some([x, y, z]) = config.and_then(|config| config.scene.offset_m) {
         note!("positions are in the scene file's frame: ({x}, {y}, {z}) m was taken off those of its mesh (offset_m)");
@@ -217,14 +217,14 @@ impl Scene {
             Self::Export(Export { file, to: Format::Mitsuba, out, poses, views }) => {
                 let whole = File { file, allow_outside: false };
                 let (scene, left_out) = load(&whole)?;
-                in_use::say_left_out(&left_out);
+                in_use::report_left_out(&left_out);
                 let config = is_config(&whole.file).then(|| SceneConfig::load(&whole.file)).transpose()?;
                 let views = views.resolve(config.as_ref(), &poses)?;
-                say_frame(&scene, config.as_ref());
+                print_frame(&scene, config.as_ref());
                 let folder = claim_fresh(&out)?;
                 let summary = export_light::write(&scene, views.as_ref(), folder.path())?;
                 folder.finish()?;
-                export_light::tell(&summary, &out, json)
+                export_light::report(&summary, &out, json)
             }
             Self::Export(Export { file, to: Format::Sionna, out, poses, views }) => {
                 views.refuse()?;
@@ -232,7 +232,7 @@ impl Scene {
                 let config = SceneConfig::load(&file)?;
                 let scene = in_use::load(&config)?;
                 let _held = claim_shared(&out)?;
-                say_frame(&scene, Some(&config));
+                print_frame(&scene, Some(&config));
                 let summary = sionna::write(&scene, &config, poses, &out)?;
                 let text = format!(
                     "{}: {} shapes, {} materials, {} triangles, {} vertices, {} poses",

@@ -12,7 +12,7 @@ use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::{RadioTracer, Solids};
 use corf_raytrace::sensor::{Extent, RadioSensor, SensorPlan, geometry_warnings};
 use corf_raytrace::spectrum::{Grid, SpectrumSettings, share_in_frame};
-use corf_scene::config::{RfConfig, SceneConfig, SpectrumKind, TransmitterConfig};
+use corf_scene::config::{SceneConfig, SpectrumConfig, SpectrumKind, TransmitterConfig};
 use corf_scene::dataset::{EQUIRECTANGULAR_AXES, Quantity};
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Equirectangular, Error, Pinhole, Raster, Rigid3, Scene, bounds, io};
@@ -128,7 +128,7 @@ impl Spectrum {
     /// # Errors
     /// A scene that cannot be read or traced, settings out of range, an occupied output folder.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        let rf = self.rf()?;
+        let radio = self.radio()?;
         let config = SceneConfig::load(&self.scene)?;
         let named = |name: &str| config.transmitter_named(Some(name), "--transmitter");
         let transmitters: Vec<&TransmitterConfig> = match self.transmitter.as_slice() {
@@ -148,8 +148,8 @@ impl Spectrum {
         ensure!(rx.distance(towards) > 0.0, "--towards: it is where the receiver is\n  help: give another point to look at");
         let up = if (towards - rx).normalize().cross(DVec3::Z).length() > 1e-6 { DVec3::Z } else { DVec3::X };
         let pose = Rigid3::looking_at(rx, towards, up);
-        let grid = self.grid_of(&rf);
-        messages::findings(geometry_warnings(&scene, rf.transmission));
+        let grid = self.grid_of(&radio);
+        messages::findings(geometry_warnings(&scene, radio.transmission));
 
         let bytes = BYTES_A_PIXEL * (grid.width() * grid.height()) as f64;
         let what = format!("spectra of {}x{} pixels", grid.width(), grid.height());
@@ -157,7 +157,7 @@ impl Spectrum {
         let bvh = Bvh::build(&scene);
         let formed: Vec<Formed> = transmitters
             .iter()
-            .map(|transmitter| self.form(transmitter, &rf, &config, &scene, &bvh, &pose, grid))
+            .map(|transmitter| self.form(transmitter, &radio, &config, &scene, &bvh, &pose, grid))
             .collect::<Result<_>>()?;
         let folder = claim_fresh(&self.out)?;
         let mut summaries = Vec::new();
@@ -193,14 +193,14 @@ impl Spectrum {
     fn form(
         &self,
         transmitter: &TransmitterConfig,
-        rf: &RfConfig,
+        radio: &SpectrumConfig,
         config: &SceneConfig,
         scene: &Scene,
         bvh: &Bvh,
         pose: &Rigid3,
         grid: Grid,
     ) -> Result<Formed> {
-        let plan = SensorPlan::from_parts(rf, self.seed, transmitter, config);
+        let plan = SensorPlan::from_parts(radio, self.seed, transmitter, config);
         let tracer = RadioTracer::new(scene, bvh, plan.tracing)?;
         let sensor = RadioSensor::new(&plan, scene, &tracer)?;
         messages::findings(sensor.check([pose])?);
@@ -231,7 +231,7 @@ impl Spectrum {
             "diffuse_arrivals": received.diffuse.len(),
             "received_power_db": (power > 0.0).then(|| 10.0 * power.log10()),
             "share_in_frame": share,
-            "rf": rf,
+            "rf": radio,
             "seed": self.seed,
         });
         let arriving = if power > 0.0 {
@@ -244,10 +244,10 @@ impl Spectrum {
     }
 
     /// The options as a dataset's `[rf]` would have them.
-    fn rf(&self) -> Result<RfConfig> {
+    fn radio(&self) -> Result<SpectrumConfig> {
         // The one that tells most apart says how finely is looked.
         let finest = self.kind.iter().find(|kind| **kind == Kind::Mpc).or(self.kind.first());
-        let mut rf = RfConfig {
+        let mut radio = SpectrumConfig {
             spectrum: finest.map_or_else(SpectrumKind::default, |kind| SpectrumKind::from(*kind)),
             horizontal_fov_deg: self.fov_deg,
             diffuse: !self.no_diffuse,
@@ -255,19 +255,21 @@ impl Spectrum {
             bandwidth_hz: self.bandwidth,
             mvdr_loading: self.loading,
             dynamic_range_db: self.range_db,
-            ..RfConfig::default()
+            ..SpectrumConfig::default()
         };
-        (rf.width, rf.height) = self.size.unwrap_or((rf.width, rf.height));
-        path_args_over!(self.paths, rf);
-        self.scattering.check_unused(rf.diffuse, "leave --no-diffuse out, or the flag")?;
-        self.scattering.over(&mut rf.directions, &mut rf.photons, &mut rf.patch_size_m);
-        rf.validate("corf spectrum")?;
-        Ok(rf)
+        (radio.width, radio.height) = self.size.unwrap_or((radio.width, radio.height));
+        path_args_over!(self.paths, radio);
+        self.scattering.check_unused(radio.diffuse, "leave --no-diffuse out, or the flag")?;
+        self.scattering.over(&mut radio.directions, &mut radio.photons, &mut radio.patch_size_m);
+        radio.validate("corf spectrum")?;
+        Ok(radio)
     }
 
-    fn grid_of(&self, rf: &RfConfig) -> Grid {
+    fn grid_of(&self, radio: &SpectrumConfig) -> Grid {
         match (self.grid, self.size.unwrap_or((720, 360))) {
-            (GridKind::Pinhole, _) => Grid::Pinhole(Pinhole::from_horizontal_fov(rf.width, rf.height, rf.horizontal_fov_deg)),
+            (GridKind::Pinhole, _) => {
+                Grid::Pinhole(Pinhole::from_horizontal_fov(radio.width, radio.height, radio.horizontal_fov_deg))
+            }
             (GridKind::Sphere, (width, height)) => Grid::Sphere(Equirectangular { width, height }),
         }
     }

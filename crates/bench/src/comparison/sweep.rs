@@ -170,7 +170,7 @@ impl Sweep {
         let mut other_devices = 0;
         for label in labels {
             let _ = write!(out, "\n| {} |", escape::markdown(label));
-            let (mut light, mut rf, mut gaussians, mut time) = (vec![], vec![], vec![], vec![]);
+            let (mut light, mut radio, mut gaussians, mut time) = (vec![], vec![], vec![], vec![]);
             for (_, records) in results {
                 let pairs = pairs(records, label);
                 let of = |key: &str| -> Vec<f64> {
@@ -183,7 +183,7 @@ impl Sweep {
                 let mean = |v: &[f64]| summarize(v).map_or(nothing.to_owned(), |s| signed(s.mean, label));
                 let _ = write!(out, " {} / {} |", mean(&l), mean(&r));
                 light.extend(l);
-                rf.extend(r);
+                radio.extend(r);
                 gaussians.extend(pairs.iter().filter_map(|((_, a), (_, b))| Some(a.gaussians? as f64 / b.gaussians? as f64)));
                 let (alike, apart): (Vec<_>, Vec<_>) = pairs.iter().partition(|(own, base)| own.0 == base.0);
                 time.extend(alike.iter().filter_map(|((_, a), (_, b))| Some(a.seconds? / b.seconds?)));
@@ -191,7 +191,7 @@ impl Sweep {
             }
             let ratio = |v: &[f64]| summarize(v).map_or("–".to_owned(), |s| format!("× {:.2}", s.mean));
             let gain = |v: &[f64]| summarize(v).map_or("–".to_owned(), |s| interval(s, label));
-            let _ = write!(out, " {} | {} | {} | {} |", gain(&light), gain(&rf), ratio(&gaussians), ratio(&time));
+            let _ = write!(out, " {} | {} | {} | {} |", gain(&light), gain(&radio), ratio(&gaussians), ratio(&time));
         }
         out.push('\n');
         if other_devices > 0 {

@@ -175,14 +175,14 @@ impl Session {
             if interrupt::input_ended() {
                 self.inbox.stop();
             }
-            self.tell_notices()?;
+            self.report_notices()?;
             self.log.watch(self.inbox.queue())?;
             let resumed = !self.recorded.is_empty();
             let Some(Arrival { stem, frame, arrived }) = self.next_arrival()? else { return Ok(None) };
             let index = self.next;
             let LiveFrame { number, time_s, world_from_camera, rounded, light, radio, sources } = frame;
-            self.tell_far(&world_from_camera);
-            self.tell_once(&stem, rounded, light.mask.is_some());
+            self.report_far(&world_from_camera);
+            self.report_once(&stem, rounded, light.mask.is_some());
             let pose = TrajectoryPose { index, time_s: time_s.unwrap_or(index as f64), world_from_camera };
             let kept = KeyframeContent { light: Some(light.clone()), radio: Some(radio.clone()), extras: Extras::default() };
             let receipt = Receipt { number, arrived, entry: Entry { name: stem, sources, pose, frame: kept }, resumed };
@@ -198,7 +198,7 @@ impl Session {
     }
 
     /// Says of the first keyframe, and of no other, that its pose is rounded or that pixels of its image do not count.
-    fn tell_once(&mut self, stem: &str, rounded: Option<f64>, masked: bool) {
+    fn report_once(&mut self, stem: &str, rounded: Option<f64>, masked: bool) {
         if let Some(off) = rounded.filter(|_| !std::mem::replace(&mut self.said[0], true)) {
             note!(
                 "poses/{stem}.json: its rotation is {off:.1e} off one, as numbers of few decimals are; the nearest is taken, here and in what follows"
@@ -263,7 +263,7 @@ impl Session {
     }
 
     /// Warns once of a keyframe that was taken too far from the origin.
-    fn tell_far(&mut self, world_from_camera: &Rigid3) {
+    fn report_far(&mut self, world_from_camera: &Rigid3) {
         let largest_m = far::largest_m(std::iter::once(world_from_camera.translation));
         let help = "let the capture program take a constant off all positions";
         let finding = far::finding(&self.folder.display().to_string(), "a keyframe was taken", largest_m, help);
@@ -272,7 +272,7 @@ impl Session {
         }
     }
 
-    fn tell_notices(&mut self) -> Result<()> {
+    fn report_notices(&mut self) -> Result<()> {
         for notice in self.inbox.notices() {
             let refusal = self.log.notice(&notice)?;
             self.refuse_strictly(refusal)?;
@@ -309,7 +309,7 @@ impl Session {
             if interrupt::input_ended() {
                 self.inbox.stop();
             }
-            self.tell_notices()?;
+            self.report_notices()?;
             self.wait()?;
         }
         Ok(())
@@ -333,7 +333,7 @@ impl Session {
     /// # Errors
     /// The session is not over; no keyframe was taken; the data set cannot be finished.
     pub fn finish(mut self) -> Result<(Dataset, LiveRecord)> {
-        self.tell_notices()?;
+        self.report_notices()?;
         let Some(ended_by) = self.inbox.ended() else { bail!("the live folder has not ended") };
         let tally = self.inbox.tally();
         let record = self.log.finish(&self.folder, self.when_behind, ended_by, &tally, self.collected, &self.timings)?;

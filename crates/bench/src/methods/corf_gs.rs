@@ -16,7 +16,7 @@ use corf::optimizer::{OptimizerConfig, RasterConfig};
 use corf::{Device, FieldMeta, IdleKey, Reconstructor};
 use corf_scene::keyframe::Modalities;
 pub use live::live_overrides;
-pub(super) use online::Keeper;
+pub(super) use online::Checkpointer;
 use online::Online;
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -80,7 +80,7 @@ impl CorfGsConfig {
     /// # Errors
     /// Those of [`Reconstructor::check_cameras`]; no depth where the prior is made from it; a map that is missing or cannot be used.
     pub(super) fn check_keyframes(&self, method: &str, table: &str, training: &TrainingSet<'_>) -> Result<()> {
-        Reconstructor::check_cameras(&self.reconstruction, &training.optical_camera(), &training.rf_camera())?;
+        Reconstructor::check_cameras(&self.reconstruction, &training.light_camera(), &training.radio_camera())?;
         let depth = &self.reconstruction.depth;
         anyhow::ensure!(
             training.has_depth() || !self.reconstruction.consumes_ground_truth_depth() || depth.prior == DepthPriorKind::Measured,
@@ -88,7 +88,7 @@ impl CorfGsConfig {
              or bring maps of your own with --set {table}depth.prior=folder --set {table}depth.folder=DIR, or measured depth with `corf dataset \
              import --depth` (docs/reconstruction.md)"
         );
-        let camera = training.optical_camera();
+        let camera = training.light_camera();
         // Nothing that is drawn matters to files.
         let prior = DepthPrior::new(depth, 0)?;
         Ok(prior.check_all(training.indices(), (camera.width, camera.height))?)
@@ -236,7 +236,7 @@ impl Method for CorfGs {
         let mut config = self.config.reconstruction.clone();
         let has = training.modalities();
         if !has.radio {
-            config.rf_weight = 0.0;
+            config.radio_weight = 0.0;
             note!("{}: the data set has no spectra, so light alone is reconstructed", self.id);
         }
         if !has.light {
@@ -247,20 +247,21 @@ impl Method for CorfGs {
         }
         let device = self.config.device(&self.backend)?;
         let range = training.db_range().unwrap_or(FieldMeta::RANGE_WITHOUT_RADIO);
-        let (optical, rf) = (training.optical_camera(), training.rf_camera());
-        let mut reconstructor = Reconstructor::new(device, config.clone(), optical, rf, range, seed)?;
+        let (light, radio) = (training.light_camera(), training.radio_camera());
+        let mut reconstructor = Reconstructor::new(device, config.clone(), light, radio, range, seed)?;
         let resumed = self.checkpoints.as_ref().is_some_and(|c| c.to_resume().is_some());
         if let Some(file) = self.config.initial_gaussians.as_ref().filter(|_| !resumed) {
             let initial = Initial::read(file)?;
-            initial.tell(&self.id, (config.optical_sh_degree, Some("optical_sh_degree")), self.config.raster.antialias);
-            reconstructor.begin_with(&initial.coupled(config.empty_field(), config.rf_target, training)?)?;
+            initial.report(&self.id, (config.light_sh_degree, Some("optical_sh_degree")), self.config.raster.antialias);
+            reconstructor.begin_with(&initial.coupled(config.empty_field(), config.radio_target, training)?)?;
         }
         let stages = if config.coupling == Coupling::Joint { 1 } else { 2 };
         let total = training.len() * stages + self.config.fine_tune_epochs;
-        let mut online = Online { reconstructor, training, keeper: Keeper::new(self.checkpoints.clone()), total, told: 0 };
+        let mut online =
+            Online { reconstructor, training, checkpointer: Checkpointer::new(self.checkpoints.clone()), total, reported: 0 };
         online.run(advance)?;
-        let Online { reconstructor, keeper, told, .. } = online;
-        self.conclude(reconstructor, training.len(), told, &|error| keeper.explain(error), advance)
+        let Online { reconstructor, checkpointer, reported, .. } = online;
+        self.conclude(reconstructor, training.len(), reported, &|error| checkpointer.explain(error), advance)
     }
 }
 
@@ -271,7 +272,7 @@ impl CorfGs {
         &self,
         mut reconstructor: Reconstructor,
         keyframes: usize,
-        told: usize,
+        reported: usize,
         explain: &dyn Fn(anyhow::Error) -> anyhow::Error,
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
@@ -280,10 +281,10 @@ impl CorfGs {
         // The second stage counts as many units as the first had keyframes.
         let mut relay = Relay { advance, failure: None };
         let second = (stages - 1) * keyframes;
-        let ended = reconstructor.finish(&mut |done, of| relay.tell(keyframes + second * done / of.max(1), total));
+        let ended = reconstructor.finish(&mut |done, of| relay.report(keyframes + second * done / of.max(1), total));
         relay.settle(ended).map_err(explain)?;
         let before = keyframes * stages;
-        let ended = reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| relay.tell(before + done, total));
+        let ended = reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| relay.report(before + done, total));
         relay.settle(ended).map_err(explain)?;
         anyhow::ensure!(
             reconstructor.gaussian_count() > 0,
@@ -293,7 +294,7 @@ impl CorfGs {
         );
         // Keyframes whose last steps waited for another, or that were still collected, have ended now.
         let depth = reconstructor.depth_quality();
-        let mut ended = reconstructor.timings()[told..].iter();
+        let mut ended = reconstructor.timings()[reported..].iter();
         let keyframe = ended.next_back();
         for timing in ended {
             (relay.advance)(Advance { keyframe: Some(timing), ..Advance::of(total, total) })?;
@@ -316,7 +317,7 @@ struct Relay<'a> {
 }
 
 impl Relay<'_> {
-    fn tell(&mut self, done: usize, total: usize) -> ControlFlow<()> {
+    fn report(&mut self, done: usize, total: usize) -> ControlFlow<()> {
         match (self.advance)(Advance::of(done, total)) {
             Ok(()) => ControlFlow::Continue(()),
             Err(error) => {
@@ -349,15 +350,15 @@ mod tests {
         let make = |id: &str, text: &str| new(id, text).reconstruction;
         let (plain, fast) = (make("corf-gs", ""), make("corf-gs-fast", "rf_weight = 0.2\ndepth = { corners = 500 }"));
         assert!(fast.iterations_per_keyframe < plain.iterations_per_keyframe);
-        assert_eq!((fast.rf_weight, fast.depth.corners, fast.depth.neighbours), (0.2, 500, plain.depth.neighbours));
+        assert_eq!((fast.radio_weight, fast.depth.corners, fast.depth.neighbours), (0.2, 500, plain.depth.neighbours));
         let paper = make("corf-gs-paper", "");
-        assert_eq!((paper.iterations_per_keyframe, paper.pyramid_levels, paper.rf_weight), (75, 3, 0.1));
+        assert_eq!((paper.iterations_per_keyframe, paper.pyramid_levels, paper.radio_weight), (75, 3, 0.1));
         assert_eq!((paper.latest_probability, paper.depth_weight, paper.depth_weight_decay), (0.2, 0.01, 0.9));
         assert!(!paper.depth.correction && paper.finest_share == Some(1.0));
         assert_eq!(make("corf-gs-fast", "iterations_per_keyframe = 70").iterations_per_keyframe, 70);
         // Part of an inner table leaves the rest of it alone, also where its defaults are not those of its type.
-        let rates = |id: &str, text: &str| new(id, text).optimizer.rf;
-        let usual = OptimizerConfig::default().rf;
+        let rates = |id: &str, text: &str| new(id, text).optimizer.radio;
+        let usual = OptimizerConfig::default().radio;
         assert!(usual != AppearanceRates::default());
         assert_eq!(rates("corf-gs", "optimizer.rf.sh_dc = 0.01"), AppearanceRates { sh_dc: 0.01, ..usual });
         assert!(CorfGs::new("corf-gs", &"optimizer.rf.sh_cd = 0.01".parse().unwrap(), &Backend::Cpu).is_err());

@@ -5,7 +5,7 @@ use crate::methods::interface::Predictor;
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::Result;
 use corf::device::Planes;
-use corf::target::RfTarget;
+use corf::target::RadioTarget;
 use corf::{Device, Field, Gaussians, OptimizerConfig, RasterConfig};
 use corf_scene::dataset::Dataset;
 use corf_scene::{Pinhole, Raster, Rigid3, color};
@@ -13,13 +13,13 @@ use std::path::Path;
 use std::thread::JoinHandle;
 
 /// The Jet image of a rendering in a target's channels, whose scalar level is `scalar`.
-pub fn jet_of(target: RfTarget, rf: &Planes, scalar: &Raster<f32>) -> Raster<[f32; 3]> {
+pub fn jet_of(target: RadioTarget, radio: &Planes, scalar: &Raster<f32>) -> Raster<[f32; 3]> {
     match target {
-        RfTarget::Jet => {
-            let colours = rf.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
-            Raster::from_vec(rf.width, rf.height, colours)
+        RadioTarget::Jet => {
+            let colours = radio.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
+            Raster::from_vec(radio.width, radio.height, colours)
         }
-        RfTarget::Db => scalar.map(|&s| color::jet(s)),
+        RadioTarget::Db => scalar.map(|&s| color::jet(s)),
     }
 }
 
@@ -67,8 +67,8 @@ impl FieldPredictor {
             Some(device) => device,
             None => {
                 let g = &self.field.gaussians;
-                let mut none = Gaussians::empty(g.rf.channels, g.optical.sh_degree);
-                none.rf.sh_degree = g.rf.sh_degree;
+                let mut none = Gaussians::empty(g.radio.channels, g.light.sh_degree);
+                none.radio.sh_degree = g.radio.sh_degree;
                 let mut device = self.backend.make(OptimizerConfig::default(), self.raster, &none)?;
                 self.field.load(device.as_mut())?;
                 device
@@ -84,7 +84,7 @@ impl FieldPredictor {
     pub fn load(run: &Path, raster: RasterConfig, dataset: &Dataset, backend: &Backend) -> Result<Self> {
         let field = Field::read(run)?;
         anyhow::ensure!(
-            field.meta.optical_camera == dataset.optical_camera() && field.meta.rf_camera == dataset.rf_camera(),
+            field.meta.light_camera == dataset.light_camera() && field.meta.radio_camera == dataset.radio_camera(),
             "{}: the field's cameras are not the dataset's",
             run.display()
         );
@@ -102,7 +102,7 @@ impl Predictor for FieldPredictor {
     fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
         let meta = self.field.meta;
         let p = meta.render(self.device()?, *world_from_camera)?;
-        let jet = jet_of(meta.rf_target, &p.rf, &p.scalar);
+        let jet = jet_of(meta.radio_target, &p.radio, &p.scalar);
         let depth_m = p.inverse_depth.map(|&i| if i > 0.0 { 1.0 / i } else { 0.0 });
         let radio = Some(RadioPrediction { jet, scalar: p.scalar });
         Ok(Prediction { image: Some(p.image), radio, depth_m: Some(depth_m) }.within(meta.modalities))
@@ -112,8 +112,8 @@ impl Predictor for FieldPredictor {
         Some(self.field.gaussians.len())
     }
 
-    fn set_optical_camera(&mut self, camera: Pinhole) -> Result<()> {
-        self.field.meta.optical_camera = camera;
+    fn set_light_camera(&mut self, camera: Pinhole) -> Result<()> {
+        self.field.meta.light_camera = camera;
         Ok(self.field.meta.validate()?)
     }
 

@@ -3,9 +3,9 @@
 use crate::methods::interface::TrainingSet;
 use crate::note;
 use anyhow::{Result, ensure};
-use corf::expansion::initial::{RfView, coupled, in_view};
+use corf::expansion::initial::{RadioView, coupled, in_view};
 use corf::files::ply::{self, ForeignField};
-use corf::{Antialias, Gaussians, RfTarget};
+use corf::{Antialias, Gaussians, RadioTarget};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,7 @@ impl Initial {
     /// Gaussians of which the training keyframes see none, or see more when they are taken to be in the frame of the capture.
     pub fn check(&self, training: &TrainingSet<'_>) -> Result<()> {
         let gaussians = &self.field.gaussians;
-        let (camera, poses, all) = (training.optical_camera(), training.poses(), gaussians.position.len());
+        let (camera, poses, all) = (training.light_camera(), training.poses(), gaussians.position.len());
         let seen = in_view(gaussians, &camera, &poses);
         if let Some(change) = training.world_from_capture().filter(|change| !change.is_identity()) {
             let mut moved = gaussians.clone();
@@ -74,7 +74,7 @@ impl Initial {
     }
 
     /// Says how the file differs from what the method works with.
-    pub fn tell(&self, method: &str, (sh_degree, key): (usize, Option<&str>), antialias: Antialias) {
+    pub fn report(&self, method: &str, (sh_degree, key): (usize, Option<&str>), antialias: Antialias) {
         let (file, theirs) = (self.file.display(), self.field.gaussians.appearance.sh_degree);
         note!("{method}: begins with {} Gaussians of {file}", self.field.gaussians.position.len());
         if self.field.filter_3d {
@@ -110,13 +110,13 @@ impl Initial {
     ///
     /// # Errors
     /// A spectrum that cannot be read.
-    pub fn coupled(&self, none: Gaussians, target: RfTarget, training: &TrainingSet<'_>) -> Result<Gaussians> {
+    pub fn coupled(&self, none: Gaussians, target: RadioTarget, training: &TrainingSet<'_>) -> Result<Gaussians> {
         let mut views = vec![];
         if let Some(range) = training.db_range() {
             for (k, world_from_camera) in training.poses().into_iter().enumerate() {
-                views.push(RfView { world_from_camera, rf: target.encode(&training.spectrum_of(k)?, &range) });
+                views.push(RadioView { world_from_camera, radio: target.encode(&training.spectrum_of(k)?, &range) });
             }
         }
-        Ok(coupled(&self.field.gaussians, none, &views, &training.rf_camera(), target.floor_color()))
+        Ok(coupled(&self.field.gaussians, none, &views, &training.radio_camera(), target.floor_color()))
     }
 }

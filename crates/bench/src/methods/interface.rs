@@ -42,7 +42,7 @@ impl<'a> TrainingSet<'a> {
     pub fn read_ahead(&self) {
         let pixels = |camera: Pinhole| camera.width * camera.height;
         // Colour, depth and surface; a spectrum.
-        let bytes = 11 * pixels(self.optical_camera()) + 4 * pixels(self.rf_camera());
+        let bytes = 11 * pixels(self.light_camera()) + 4 * pixels(self.radio_camera());
         let some = &self.indices[..self.indices.len().min(MOST_HELD / bytes.max(1))];
         let read = some.par_iter().map(|index| self.dataset.keyframe(*index).ok()).collect();
         *self.held.borrow_mut() = read;
@@ -110,13 +110,13 @@ impl<'a> TrainingSet<'a> {
     }
 
     /// Intrinsics of the optical images.
-    pub fn optical_camera(&self) -> Pinhole {
-        self.dataset.optical_camera()
+    pub fn light_camera(&self) -> Pinhole {
+        self.dataset.light_camera()
     }
 
     /// Intrinsics of the RF images.
-    pub fn rf_camera(&self) -> Pinhole {
-        self.dataset.rf_camera()
+    pub fn radio_camera(&self) -> Pinhole {
+        self.dataset.radio_camera()
     }
 
     /// The one dB range of the dataset's spectra (its upper end is the peak over all keyframes); none without spectra.
@@ -156,12 +156,12 @@ impl<'a> TrainingSet<'a> {
 
     /// Standard deviation of an `mpc` lobe, degrees, if it is known.
     pub fn lobe_width_deg(&self) -> Option<f64> {
-        self.dataset.header().config.as_ref().map(|c| c.rf.lobe_width_deg)
+        self.dataset.header().config.as_ref().map(|c| c.radio.lobe_width_deg)
     }
 
     /// Diagonal loading of `mvdr` spectra, in units of the covariance's mean eigenvalue, if it is known.
     pub fn mvdr_loading(&self) -> Option<f64> {
-        self.dataset.header().config.as_ref().map(|c| c.rf.mvdr_loading)
+        self.dataset.header().config.as_ref().map(|c| c.radio.mvdr_loading)
     }
 
     /// The true scene, from the file that the data set was generated from: of oracles alone, whose [`Method::uses_scene`] says so.
@@ -414,7 +414,7 @@ pub trait Predictor {
     ///
     /// # Errors
     /// A method that predicts the data set's images alone; a camera without pixels.
-    fn set_optical_camera(&mut self, _camera: Pinhole) -> Result<()> {
+    fn set_light_camera(&mut self, _camera: Pinhole) -> Result<()> {
         bail!(
             "this method predicts images of the data set's camera alone\n  help: leave --size and --fov out, or use a run of corf-gs or rf-3dgs"
         )

@@ -8,7 +8,7 @@ use crate::device::Backend;
 use crate::device::network_options;
 use crate::methods::family::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
-use crate::methods::stepwise::say_unless_kept;
+use crate::methods::stepwise::report_unless_kept;
 use crate::metrics::Prediction;
 use crate::terminal::interrupt;
 use anyhow::{Context, Result, ensure};
@@ -119,7 +119,7 @@ impl Method for Nerf2 {
         seed: u64,
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
-        let (range, camera) = (training.required_db_range()?, training.rf_camera());
+        let (range, camera) = (training.required_db_range()?, training.radio_camera());
         let mut rays = TrainingRays::new(camera, seed);
         for k in 0..training.len() {
             let Keyframe { index, world_from_camera, radio, .. } = training.keyframe(k)?;
@@ -134,21 +134,21 @@ impl Method for Nerf2 {
         };
         let mut trainer = trainer(&self.backend, &field)?;
         let with_seed = |c: Checkpoints| Checkpoints { tag: format!("{} seed {seed}", c.tag), ..c };
-        let mut keeper = Keeper { checkpoints: self.checkpoints.clone().map(with_seed), at: Instant::now() };
-        let first = keeper.resume(trainer.as_mut())?;
+        let mut checkpointer = Checkpointer { checkpoints: self.checkpoints.clone().map(with_seed), at: Instant::now() };
+        let first = checkpointer.resume(trainer.as_mut())?;
         let (schedule, total) = (self.config.schedule(), self.config.iterations);
-        let mut told = Instant::now();
+        let mut reported = Instant::now();
         for step in first..total {
             let interrupted = |trainer: &mut dyn Trainer, error: anyhow::Error| {
                 // What could not be kept is done again.
-                say_unless_kept(keeper.keep(&field, trainer));
+                report_unless_kept(checkpointer.keep(&field, trainer));
                 error
             };
             interrupt::check().map_err(|e| interrupted(trainer.as_mut(), e))?;
             trainer.step(&rays.batch(&self.config, step as u64), schedule.at(step as u64))?;
             let done = step + 1;
-            if done == total || told.elapsed() >= REPORT_INTERVAL {
-                told = Instant::now();
+            if done == total || reported.elapsed() >= REPORT_INTERVAL {
+                reported = Instant::now();
                 let loss = trainer.loss()?;
                 ensure!(
                     loss.is_finite(),
@@ -157,9 +157,9 @@ impl Method for Nerf2 {
                 );
                 advance(Advance::of(done, total)).map_err(|e| interrupted(trainer.as_mut(), e))?;
             }
-            if keeper.is_due(done) && done < total {
-                keeper.keep(&field, trainer.as_mut())?;
-                keeper.at = Instant::now();
+            if checkpointer.is_due(done) && done < total {
+                checkpointer.keep(&field, trainer.as_mut())?;
+                checkpointer.at = Instant::now();
             }
         }
         field.parameters = trainer.state()?.parameters;
@@ -168,14 +168,14 @@ impl Method for Nerf2 {
 }
 
 /// Keeps checkpoints, if any are wanted.
-struct Keeper {
+struct Checkpointer {
     /// With the seed in their tag.
     checkpoints: Option<Checkpoints>,
     /// Time at which the last one was kept, or the work began.
     at: Instant,
 }
 
-impl Keeper {
+impl Checkpointer {
     /// Goes on from the checkpoint, if there is one; says how many steps it has behind it.
     fn resume(&self, trainer: &mut dyn Trainer) -> Result<usize> {
         let Some((c, path)) = self.checkpoints.as_ref().and_then(|c| Some((c, c.to_resume()?))) else { return Ok(0) };
@@ -216,7 +216,7 @@ impl Nerf2Field {
     /// A missing or damaged file.
     pub fn load(run: &Path, dataset: &Dataset, backend: &Backend) -> Result<Self> {
         let field = Field::read(&run.join(FIELD))?;
-        Ok(Self { field, camera: dataset.rf_camera(), backend: backend.clone(), trainer: None })
+        Ok(Self { field, camera: dataset.radio_camera(), backend: backend.clone(), trainer: None })
     }
 }
 

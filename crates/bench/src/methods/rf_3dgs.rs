@@ -112,12 +112,12 @@ impl Method for Rf3dgs {
         let config = &self.config;
         let total = config.total_steps();
         let device = self.backend.make(config.optimizer(), config.raster(), &config.empty_field())?;
-        let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.required_db_range()?);
-        let mut reconstructor = Rf3dgsReconstructor::new(device, config.clone(), optical, rf, range, seed)?;
+        let (light, radio, range) = (training.light_camera(), training.radio_camera(), training.required_db_range()?);
+        let mut reconstructor = Rf3dgsReconstructor::new(device, config.clone(), light, radio, range, seed)?;
         if let Some(file) = &config.initial_gaussians {
             let initial = Initial::read(file)?;
-            initial.tell(&self.id, (config.sh_degree, None), config.raster().antialias);
-            reconstructor.start_from(initial.coupled(config.empty_field(), Rf3dgsConfig::RF_TARGET, training)?);
+            initial.report(&self.id, (config.sh_degree, None), config.raster().antialias);
+            reconstructor.start_from(initial.coupled(config.empty_field(), Rf3dgsConfig::RADIO_TARGET, training)?);
         }
         for k in 0..training.len() {
             reconstructor.receive(training.keyframe(k)?)?;
@@ -134,7 +134,7 @@ impl Method for Rf3dgs {
 }
 
 fn stages(times: Rf3dgsTimes) -> Vec<StageTime> {
-    let named = [("points", times.points_s), ("optical", times.optical_s), ("rf", times.rf_s)];
+    let named = [("points", times.points_s), ("optical", times.light_s), ("rf", times.radio_s)];
     named.map(|(name, seconds)| StageTime { name: name.to_owned(), seconds }).into()
 }
 
@@ -197,7 +197,7 @@ impl Predictor for WithPoints {
 mod tests {
     use super::*;
     use crate::methods::registry::settings;
-    use corf_baselines::rf_3dgs::{RfBackground, RfMoments};
+    use corf_baselines::rf_3dgs::{RadioBackground, RadioMoments};
 
     fn make(id: &str, text: &str) -> Result<Rf3dgs> {
         Rf3dgs::new(id, settings(id, &text.parse().unwrap())?, &Backend::Cpu)
@@ -206,12 +206,12 @@ mod tests {
     #[test]
     fn the_rows_differ_as_their_names_say_and_yield_to_overrides() {
         let (published, corrected) = (make("rf-3dgs", "").unwrap().config, make("rf-3dgs-corrected", "").unwrap().config);
-        assert_eq!((published.optical_steps, published.rf_steps), (30_000, 10_000));
-        assert_eq!((published.rf_moments, published.rf_background), (RfMoments::Restored, RfBackground::Black));
-        let mended = Rf3dgsConfig { rf_moments: RfMoments::Zero, rf_background: RfBackground::Floor, ..published };
+        assert_eq!((published.light_steps, published.radio_steps), (30_000, 10_000));
+        assert_eq!((published.radio_moments, published.radio_background), (RadioMoments::Restored, RadioBackground::Black));
+        let mended = Rf3dgsConfig { radio_moments: RadioMoments::Zero, radio_background: RadioBackground::Floor, ..published };
         assert_eq!(corrected, mended);
         let short = make("rf-3dgs", "optical_steps = 15000\nrf_steps = 25000\ndensity.gradient = 1e-4").unwrap().config;
-        assert_eq!((short.optical_steps, short.rf_steps, short.density.gradient), (15_000, 25_000, 1e-4));
+        assert_eq!((short.light_steps, short.radio_steps, short.density.gradient), (15_000, 25_000, 1e-4));
         assert_eq!((short.density.every, short.rates), (100, Rf3dgsConfig::default().rates));
         for (text, words) in [
             ("rf_background = \"floor\"", "rf-3dgs-corrected"),

@@ -61,17 +61,17 @@ pub fn run(
     checkpoints: Option<&Checkpoints>,
     advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
 ) -> Result<usize> {
-    let mut keeper = Keeper { checkpoints, kept: None, at: Instant::now() };
-    let resumed = keeper.begin(reconstruction)?;
+    let mut checkpointer = Checkpointer { checkpoints, kept: None, at: Instant::now() };
+    let resumed = checkpointer.begin(reconstruction)?;
     let mut portion = 1;
     while reconstruction.steps_done() < total {
         let start = Instant::now();
-        let most = keeper.steps_to_checkpoint(reconstruction.steps_done()).min(portion);
-        reconstruction.train(most).map_err(|e| keeper.explain(e.into()))?;
+        let most = checkpointer.steps_to_checkpoint(reconstruction.steps_done()).min(portion);
+        reconstruction.train(most).map_err(|e| checkpointer.explain(e.into()))?;
         portion = next_portion(most, start.elapsed());
         let done = reconstruction.steps_done();
-        if keeper.is_due(done) && done < total {
-            keeper.keep(reconstruction)?;
+        if checkpointer.is_due(done) && done < total {
+            checkpointer.keep(reconstruction)?;
         }
         let gaussians = Some(reconstruction.gaussian_count());
         let held = RefCell::new(&mut *reconstruction);
@@ -79,8 +79,8 @@ pub fn run(
         let field = Some(FieldReader::new(&read));
         advance(Advance { gaussians, resumed_steps: resumed, field, ..Advance::of(done, total) }).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
-            if keeper.kept != Some(done) {
-                say_unless_kept(keeper.keep(reconstruction));
+            if checkpointer.kept != Some(done) {
+                report_unless_kept(checkpointer.keep(reconstruction));
             }
         })?;
     }
@@ -88,7 +88,7 @@ pub fn run(
 }
 
 /// Says what kept the state from being kept at an interrupt, which itself goes on.
-pub fn say_unless_kept(kept: Result<()>) {
+pub fn report_unless_kept(kept: Result<()>) {
     if let Err(error) = kept {
         note!("the state at the interrupt is not kept: {error:#}");
     }
@@ -101,7 +101,7 @@ fn next_portion(count: usize, took: Duration) -> usize {
 }
 
 /// Keeps checkpoints, if any are wanted.
-struct Keeper<'a> {
+struct Checkpointer<'a> {
     checkpoints: Option<&'a Checkpoints>,
     /// Steps in the last one.
     kept: Option<usize>,
@@ -109,7 +109,7 @@ struct Keeper<'a> {
     at: Instant,
 }
 
-impl Keeper<'_> {
+impl Checkpointer<'_> {
     /// Begins, or goes on from the checkpoint, if there is one; says how many steps it has behind it.
     fn begin(&mut self, reconstruction: &mut dyn Stepwise) -> Result<usize> {
         let Some((c, path)) = self.checkpoints.and_then(|c| Some((c, c.to_resume()?))) else {
@@ -166,13 +166,13 @@ mod tests {
         assert_eq!((next_portion(64, ms(600)), next_portion(64, ms(60_000)), next_portion(1, ms(60_000))), (32, 32, 1));
         let (tag, device) = (String::new(), "cpu (1 thread)".to_owned());
         let checkpoints = Checkpoints { path: "run/checkpoint".into(), every: Some(40), resume: false, tag, device };
-        let mut keeper = Keeper { checkpoints: Some(&checkpoints), kept: None, at: Instant::now() };
-        assert_eq!((keeper.steps_to_checkpoint(0), keeper.steps_to_checkpoint(79)), (40, 1));
-        assert!(keeper.is_due(80) && !keeper.is_due(81));
+        let mut checkpointer = Checkpointer { checkpoints: Some(&checkpoints), kept: None, at: Instant::now() };
+        assert_eq!((checkpointer.steps_to_checkpoint(0), checkpointer.steps_to_checkpoint(79)), (40, 1));
+        assert!(checkpointer.is_due(80) && !checkpointer.is_due(81));
         let lost = || anyhow::anyhow!("the device was lost");
-        assert!(!format!("{:#}", keeper.explain(lost())).contains("checkpoint"), "there is none yet");
-        keeper.kept = Some(80);
-        let text = format!("{:#}", keeper.explain(lost()));
+        assert!(!format!("{:#}", checkpointer.explain(lost())).contains("checkpoint"), "there is none yet");
+        checkpointer.kept = Some(80);
+        let text = format!("{:#}", checkpointer.explain(lost()));
         assert!(text.contains("run/checkpoint") && text.contains("80 steps") && text.contains("lost"), "{text}");
     }
 }

@@ -138,8 +138,8 @@ impl Method for WrfGsPlus {
     ) -> Result<Box<dyn Predictor>> {
         let (config, total) = (&self.config, self.config.iterations);
         let trainer = trainer(&self.backend, config, Model::new(config).network.initial(seed))?;
-        let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.required_db_range()?);
-        let mut reconstructor = WrfGsPlusReconstructor::new(trainer, config.clone(), optical, rf, range, seed)?;
+        let (light, radio, range) = (training.light_camera(), training.radio_camera(), training.required_db_range()?);
+        let mut reconstructor = WrfGsPlusReconstructor::new(trainer, config.clone(), light, radio, range, seed)?;
         for k in 0..training.len() {
             reconstructor.receive(&training.keyframe(k)?)?;
             advance(Advance::of(0, total))?;
@@ -169,7 +169,7 @@ impl WrfGsPlusPredictor {
     pub fn load(run: &Path, dataset: &Dataset, backend: &Backend) -> Result<Self> {
         let field = WrfGsPlusField::read(&run.join(FIELD))?;
         ensure!(
-            field.meta.rf_camera == dataset.rf_camera(),
+            field.meta.radio_camera == dataset.radio_camera(),
             "{}: the field's camera is not the dataset's",
             run.join(FIELD).display()
         );
@@ -187,15 +187,15 @@ impl Predictor for WrfGsPlusPredictor {
                 made
             }
         };
-        let rf = self.field.render(trainer.as_mut(), world_from_camera)?;
+        let radio = self.field.render(trainer.as_mut(), world_from_camera)?;
         self.trainer = Some(trainer);
         ensure!(
-            rf.pixels.iter().all(|v| v.is_finite()),
+            radio.pixels.iter().all(|v| v.is_finite()),
             "a pixel of the prediction is not a finite number\n  help: the network has diverged; train it with smaller rates.network"
         );
-        let target = self.field.meta.rf_target;
-        let scalar = target.scalar(&rf);
-        let jet = jet_of(target, &rf, &scalar);
+        let target = self.field.meta.radio_target;
+        let scalar = target.scalar(&radio);
+        let jet = jet_of(target, &radio, &scalar);
         Ok(Prediction { image: None, radio: Some(RadioPrediction { jet, scalar }), depth_m: None })
     }
 
@@ -212,7 +212,7 @@ impl Predictor for WrfGsPlusPredictor {
 mod tests {
     use super::*;
     use crate::methods::registry::settings;
-    use corf::target::RfTarget;
+    use corf::target::RadioTarget;
 
     fn make(id: &str, text: &str) -> Result<WrfGsPlus> {
         WrfGsPlus::new(id, settings(id, &text.parse().unwrap())?, &Backend::Cpu)
@@ -224,7 +224,7 @@ mod tests {
         assert_eq!(published, WrfGsPlusConfig::default());
         assert_eq!(corrected, WrfGsPlusConfig { move_positions: true, ..published });
         let other = make("wrf-gs-plus", "iterations = 5000\nrf_target = \"db\"\nrates.network = [1e-3, 1e-4]").unwrap().config;
-        assert_eq!((other.iterations, other.rf_target, other.rates.network), (5000, RfTarget::Db, [1e-3, 1e-4]));
+        assert_eq!((other.iterations, other.radio_target, other.rates.network), (5000, RadioTarget::Db, [1e-3, 1e-4]));
         assert_eq!((other.rates.sh_dc, other.density), (2.5e-3, WrfGsPlusConfig::default().density));
         for (text, words) in [
             ("move_positions = true", "wrf-gs-plus-corrected"),

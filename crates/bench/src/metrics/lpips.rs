@@ -119,7 +119,7 @@ impl LpipsNetworks {
     pub fn check(&self, dataset: &Dataset) -> Result<()> {
         let has = dataset.modalities();
         let cameras =
-            [(has.light, LIGHT, "images", dataset.optical_camera()), (has.radio, SPECTRUM, "spectra", dataset.rf_camera())];
+            [(has.light, LIGHT, "images", dataset.light_camera()), (has.radio, SPECTRUM, "spectra", dataset.radio_camera())];
         let compared = cameras.iter().filter(|(is_there, name, ..)| *is_there && self.images.include(name));
         for (network, (_, _, what, camera)) in self.networks.iter().flat_map(|n| compared.clone().map(move |c| (n, c))) {
             let (least, name) = (network.least_px(), network.backbone().name());

@@ -54,8 +54,8 @@ impl RadioPrediction {
 
 impl Prediction {
     /// A prediction without depth from a scalar spectrum, coloured for the paper's metrics.
-    pub fn from_scalar(image: Option<Raster<[f32; 3]>>, rf_scalar: Raster<f32>) -> Self {
-        Self { image, radio: Some(RadioPrediction::from_scalar(rf_scalar)), depth_m: None }
+    pub fn from_scalar(image: Option<Raster<[f32; 3]>>, radio_scalar: Raster<f32>) -> Self {
+        Self { image, radio: Some(RadioPrediction::from_scalar(radio_scalar)), depth_m: None }
     }
 
     /// What of it is of modalities that the dataset has: of the others there is nothing that could be right or wrong.
@@ -166,7 +166,7 @@ pub struct Evaluator {
 /// Compares predicted spectra with those of one dataset.
 #[derive(Clone, Debug)]
 struct SpectrumEvaluator {
-    rf_camera: Pinhole,
+    radio_camera: Pinhole,
     range: DbRange,
     codebook: Option<Codebook>,
     free_space: Option<FreeSpace>,
@@ -178,15 +178,15 @@ impl Evaluator {
         let dataset = &input.dataset;
         let spectra = dataset.db_range().map(|range| SpectrumEvaluator {
             free_space: FreeSpace::of(dataset.header()),
-            ..SpectrumEvaluator::new(dataset.rf_camera(), range, dataset.header().quantity)
+            ..SpectrumEvaluator::new(dataset.radio_camera(), range, dataset.header().quantity)
         });
         Self { spectra, networks: input.networks.clone() }
     }
 
     /// `rf_camera` gives direction and solid angle of every spectrum pixel, `range` is the dataset's dB range, and `quantity` says what a
     /// value is, and so what a beam of it is.
-    pub fn new(rf_camera: Pinhole, range: DbRange, quantity: Quantity) -> Self {
-        Self { spectra: Some(SpectrumEvaluator::new(rf_camera, range, quantity)), networks: Arc::default() }
+    pub fn new(radio_camera: Pinhole, range: DbRange, quantity: Quantity) -> Self {
+        Self { spectra: Some(SpectrumEvaluator::new(radio_camera, range, quantity)), networks: Arc::default() }
     }
 
     /// All metrics of what is predicted of a keyframe, as far as it was observed.
@@ -225,8 +225,8 @@ impl Evaluator {
 }
 
 impl SpectrumEvaluator {
-    fn new(rf_camera: Pinhole, range: DbRange, quantity: Quantity) -> Self {
-        Self { rf_camera, range, codebook: Codebook::of(rf_camera, quantity), free_space: None }
+    fn new(radio_camera: Pinhole, range: DbRange, quantity: Quantity) -> Self {
+        Self { radio_camera, range, codebook: Codebook::of(radio_camera, quantity), free_space: None }
     }
 
     fn pair<'a>(&self, predicted: Spectrum<'a>, truth: &'a Raster<f32>) -> SpectrumPair<'a> {
@@ -255,7 +255,7 @@ impl SpectrumEvaluator {
             ssim_rf_jet: image::ssim(jet, jet_truth, None),
             psnr_rf_scalar: image::psnr(&grey, grey_truth, None),
             ssim_rf_scalar: image::ssim(&grey, grey_truth, None),
-            radio: radio::compare(predicted.scalar, truth, &self.rf_camera, &self.range),
+            radio: radio::compare(predicted.scalar, truth, &self.radio_camera, &self.range),
             beams: beams.map(|b| b.0),
             link: beams.map(|b| b.1),
         }

@@ -1,7 +1,7 @@
-//! The flags by which every command that traces radio says how. Their defaults are those of a data set's `[rf]` ([`RfConfig`]) or of what a
+//! The flags by which every command that traces radio says how. Their defaults are those of a data set's `[rf]` ([`SpectrumConfig`]) or of what a
 //! command reads; `corf coverage` alone has a default of its own, of directions, and says why.
 //!
-//! [`RfConfig`]: corf_scene::config::RfConfig
+//! [`SpectrumConfig`]: corf_scene::config::RfConfig
 
 use clap::Args;
 use corf_scene::{Error, Result};
@@ -65,7 +65,7 @@ impl PathArgs {
     }
 }
 
-/// The values of a configuration that `$args` ([`PathArgs`]) go over, which [`RfConfig`](corf_scene::config::RfConfig) and `LinkConfig` name alike.
+/// The values of a configuration that `$args` ([`PathArgs`]) go over, which [`SpectrumConfig`](corf_scene::config::RfConfig) and `LinkConfig` name alike.
 macro_rules! path_args_over {
     ($args:expr, $config:expr) => {
         $args.over($crate::radio_link::PathValues {
@@ -127,7 +127,7 @@ impl ScatteringArgs {
 mod tests {
     use super::*;
     use clap::{CommandFactory, Parser};
-    use corf_scene::config::RfConfig;
+    use corf_scene::config::SpectrumConfig;
 
     #[derive(Parser)]
     struct Flags {
@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn flags_say_the_defaults_of_data_sets() {
-        let rf = RfConfig::default();
+        let radio = SpectrumConfig::default();
         let grouped = |n: usize| {
             let digits = n.to_string();
             let parts: Vec<&str> = digits.as_bytes().rchunks(3).rev().map(|part| std::str::from_utf8(part).unwrap()).collect();
@@ -148,11 +148,11 @@ mod tests {
         // However its lines are broken.
         let help = Flags::command().render_long_help().to_string().split_whitespace().collect::<Vec<_>>().join(" ");
         for default in [
-            rf.max_interactions.to_string(),
-            grouped(rf.rays),
-            grouped(rf.directions),
-            grouped(rf.photons),
-            rf.patch_size_m.to_string(),
+            radio.max_interactions.to_string(),
+            grouped(radio.rays),
+            grouped(radio.directions),
+            grouped(radio.photons),
+            radio.patch_size_m.to_string(),
         ] {
             assert!(help.contains(&format!("(default {default}")), "{default}: {help}");
         }
@@ -162,17 +162,17 @@ mod tests {
     fn what_is_given_goes_over_what_a_file_says_and_the_rest_stays() {
         let flags = |text: &str| Flags::try_parse_from(["corf"].into_iter().chain(text.split_whitespace())).unwrap();
         let over = |text: &str| {
-            let mut rf = RfConfig { diffraction: true, rays: 7, ..RfConfig::default() };
+            let mut radio = SpectrumConfig { diffraction: true, rays: 7, ..SpectrumConfig::default() };
             let given = flags(text);
-            path_args_over!(given.paths, rf);
-            given.scattering.over(&mut rf.directions, &mut rf.photons, &mut rf.patch_size_m);
-            rf
+            path_args_over!(given.paths, radio);
+            given.scattering.over(&mut radio.directions, &mut radio.photons, &mut radio.patch_size_m);
+            radio
         };
-        let file = RfConfig { diffraction: true, rays: 7, ..RfConfig::default() };
+        let file = SpectrumConfig { diffraction: true, rays: 7, ..SpectrumConfig::default() };
         assert_eq!(over(""), file);
         // The earlier name of the limit is as good as its name.
         for name in ["--max-interactions", "--depth"] {
-            let wanted = RfConfig { max_interactions: 2, transmission: false, photons: 5, ..file };
+            let wanted = SpectrumConfig { max_interactions: 2, transmission: false, photons: 5, ..file };
             assert_eq!(over(&format!("{name} 2 --no-transmission --photons 5")), wanted);
         }
         let unused = flags("--patch-size 0.5").scattering;

@@ -20,7 +20,7 @@ use corf_raytrace::radio::{
     Search, Solids, Transmitter,
 };
 use corf_raytrace::sensor::{geometry_warnings, open_edges_note};
-use corf_scene::config::{Orientation, RfConfig, SceneConfig, read_toml};
+use corf_scene::config::{Orientation, SceneConfig, SpectrumConfig, read_toml};
 use corf_scene::near_field::SPEED_OF_LIGHT;
 use corf_scene::{Error, Scene, bounds, near_field};
 use glam::{DMat3, DVec3};
@@ -99,19 +99,19 @@ pub enum Spacing {
 
 impl Default for LinkConfig {
     fn default() -> Self {
-        let (paths, rf) = (RadioSettings::default(), RfConfig::default());
+        let (paths, radio) = (RadioSettings::default(), SpectrumConfig::default());
         Self {
-            max_interactions: rf.max_interactions,
+            max_interactions: radio.max_interactions,
             line_of_sight: true,
             reflection: true,
             transmission: true,
             diffraction: false,
             edge_diffraction: false,
-            rays: rf.rays,
+            rays: radio.rays,
             diffuse: false,
             directions: None,
-            photons: rf.photons,
-            patch_size_m: rf.patch_size_m,
+            photons: radio.photons,
+            patch_size_m: radio.patch_size_m,
             min_gain_db: paths.min_gain_db,
             tx_power_dbm: 30.0,
             seed: 0,

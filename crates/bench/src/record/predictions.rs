@@ -23,7 +23,7 @@ pub const SPECTRUM_COLUMNS: usize = 320;
 /// Quality of a kept JPEG, of 100.
 const QUALITY: u8 = 90;
 
-fn optical_path(folder: &Path, index: usize, ending: &str) -> PathBuf {
+fn light_path(folder: &Path, index: usize, ending: &str) -> PathBuf {
     folder.join(format!("{:05}-optical.{ending}", index + 1))
 }
 
@@ -107,14 +107,14 @@ fn encode_grey_png(image: &Raster<u8>) -> Result<Vec<u8>> {
 pub fn keep(folder: &Path, truth: &Keyframe, prediction: Halves<'_>) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let index = truth.index;
-    for path in [optical_path(folder, index, "jpg"), optical_path(folder, index, "png"), scalar_path(folder, index)] {
+    for path in [light_path(folder, index, "jpg"), light_path(folder, index, "png"), scalar_path(folder, index)] {
         if path.exists() {
             std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
         }
     }
     if let Some(image) = prediction.image {
         let small = shrunk(image, IMAGE_COLUMNS).map(|p| p.map(quantize8));
-        write_atomic(optical_path(folder, index, "jpg"), &encode_jpeg(&small, QUALITY)?)?;
+        write_atomic(light_path(folder, index, "jpg"), &encode_jpeg(&small, QUALITY)?)?;
     }
     if let Some(spectrum) = prediction.spectrum {
         let small = shrunk_scalar(spectrum.scalar, SPECTRUM_COLUMNS).map(|&s| quantize8(s));
@@ -135,8 +135,8 @@ pub struct Kept {
 pub fn load(folder: &Path, index: usize) -> Option<Kept> {
     // Opening a pipe would wait.
     let open = |path: PathBuf| path.is_file().then(|| image::open(&path).ok()).flatten();
-    let optical = |ending| open(optical_path(folder, index, ending));
-    let image = optical("jpg").or_else(|| optical("png")).map(|image| {
+    let light = |ending| open(light_path(folder, index, ending));
+    let image = light("jpg").or_else(|| light("png")).map(|image| {
         let image = image.to_rgb8();
         let pixels = image.pixels().map(|p| p.0).collect();
         shrunk_image(&Raster::from_vec(image.width() as usize, image.height() as usize, pixels), IMAGE_COLUMNS)

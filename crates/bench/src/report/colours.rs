@@ -8,7 +8,7 @@ use corf_scene::keyframe::DbRange;
 /// Full scale of the spectrum's error map, dB.
 pub(crate) const ERROR_DB: f32 = 20.0;
 /// Full scale of the image's error map, share of full scale.
-pub(crate) const ERROR_OPTICAL: f32 = 0.25;
+pub(crate) const ERROR_LIGHT: f32 = 0.25;
 
 /// A scalar spectrum in Jet colours.
 pub(super) fn jet_image(scalar: &Raster<f32>) -> Raster<[u8; 3]> {
@@ -39,7 +39,7 @@ pub(crate) fn image_error(observed: &Raster<[u8; 3]>, predicted: &Raster<[u8; 3]
     Raster::from_fn(columns, a.height().min(b.height()), |x, y| {
         let (a, b) = (a[(x, y)], b[(x, y)]);
         let mean = (0..3).map(|c| (f32::from(a[c]) - f32::from(b[c])).abs()).sum::<f32>() / (3.0 * 255.0);
-        heat(mean / ERROR_OPTICAL)
+        heat(mean / ERROR_LIGHT)
     })
 }
 
@@ -75,7 +75,7 @@ pub(super) fn jet_bar(range: &DbRange) -> String {
 pub(super) fn bars(range: &DbRange) -> String {
     let share = |t: f32| if t == 0.0 { "0 dB".to_owned() } else { format!("{:+.0} dB", t * ERROR_DB) };
     let decibels = [-1.0, -0.5, 0.0, 0.5, 1.0].map(share);
-    let per_cent = [0.0, 0.5, 1.0].map(|t: f32| format!("{:.1} %", 100.0 * t * ERROR_OPTICAL));
+    let per_cent = [0.0, 0.5, 1.0].map(|t: f32| format!("{:.1} %", 100.0 * t * ERROR_LIGHT));
     format!(
         "<div class=\"bars\">{}{}{}</div>",
         jet_bar(range),

@@ -26,7 +26,7 @@ struct Plan {
 
 /// Back-projects every second pixel of every second keyframe that has depth; the highest point below the cut wins a cell.
 fn look_down(report: &Report<'_>) -> Result<Option<Plan>> {
-    let camera = report.dataset.optical_camera();
+    let camera = report.dataset.light_camera();
     let mut points: Vec<(DVec3, [u8; 3])> = Vec::new();
     for index in (0..report.dataset.len()).step_by(2) {
         let keyframe = report.dataset.keyframe(index)?;

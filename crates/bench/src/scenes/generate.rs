@@ -14,7 +14,7 @@ use corf_raytrace::light::{LightTracer, Spent};
 use corf_raytrace::radio::RadioTracer;
 pub use corf_raytrace::sensor::diffuse_settings;
 use corf_raytrace::sensor::{
-    Denoise, Extent, OpticalSensor, Outputs, Platform, RadioSensor, SensorPlan, geometry_warnings, joined,
+    Denoise, Extent, LightSensor, Outputs, Platform, RadioSensor, SensorPlan, geometry_warnings, joined,
 };
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, Extras, KeyframeContent};
@@ -90,17 +90,17 @@ pub fn generate_from(
         if let Some(finding) = findings.iter().find(|f| f.severity == Severity::Error) {
             bail!("{finding}\n  help: the finished dataset in {} is damaged: generate it anew elsewhere", out.display());
         }
-        return tell(Generated { dataset: Dataset::open(out)?, findings });
+        return report(Generated { dataset: Dataset::open(out)?, findings });
     }
     // Whatever can be refused is refused before the first file. Where one half of the set-up leaves processors idle, the other goes on.
     let bvh = Bvh::build(scene);
     let (tracer, light) = rayon::join(|| RadioTracer::new(scene, &bvh, plan.tracing), || LightTracer::new(scene, &bvh));
     let tracer = tracer?;
     let refused = AtomicBool::new(false);
-    let (poses, rf_camera) = (header.poses.clone(), header.rf_camera);
-    let see = || -> Result<(OpticalSensor<'_>, f64)> {
+    let (poses, radio_camera) = (header.poses.clone(), header.radio_camera);
+    let see = || -> Result<(LightSensor<'_>, f64)> {
         let mut camera = camera_unless(config, &light, &device, denoiser, &refused)?;
-        let exposure_ev = match config.optical.exposure_ev {
+        let exposure_ev = match config.light.exposure_ev {
             Some(exposure_ev) => exposure_ev,
             None => f64::from(camera.meter(&poses)?),
         };
@@ -113,8 +113,8 @@ pub fn generate_from(
         messages::findings(array.check(poses.iter().map(|pose| &pose.world_from_camera))?);
         let held = claim_output(out, resume)?;
         messages::findings(placement);
-        messages::findings(geometry_warnings(scene, config.rf.transmission));
-        let sampling_error = array.sampling_error(&rf_camera, &poses)?;
+        messages::findings(geometry_warnings(scene, config.radio.transmission));
+        let sampling_error = array.sampling_error(&radio_camera, &poses)?;
         Ok((array, held, sampling_error))
     };
     let hear = || {
@@ -138,10 +138,10 @@ pub fn generate_from(
             header.sampling_error = sampling_error;
             header.exposure_ev = Some(exposure_ev);
             let outputs = Outputs {
-                extent: Extent::of_keyframe(&config.rf, &plan.receiver),
-                camera: header.rf_camera,
+                extent: Extent::of_keyframe(&config.radio, &plan.receiver),
+                camera: header.radio_camera,
                 sphere: header.sphere,
-                paths: config.rf.write_paths,
+                paths: config.radio.write_paths,
             };
             let platform = Platform { camera: &camera, array, outputs };
             let writer = DatasetWriter::create(out, &header, resume)?;
@@ -150,7 +150,7 @@ pub fn generate_from(
             trace_and_write(&platform, &writer, &missing, seen, at_once, (&config.name, poses.len()))?;
             let findings = writer.dark_findings()?;
             writer.finish()?;
-            tell(Generated { dataset: Dataset::open(out)?, findings })
+            report(Generated { dataset: Dataset::open(out)?, findings })
         })
     })
 }
@@ -219,7 +219,7 @@ pub fn camera<'a>(
     tracer: &'a LightTracer<'a>,
     device: &Backend,
     denoiser: Option<Oidn>,
-) -> Result<OpticalSensor<'a>> {
+) -> Result<LightSensor<'a>> {
     camera_unless(config, tracer, device, denoiser, &AtomicBool::new(false))
 }
 
@@ -230,16 +230,16 @@ fn camera_unless<'a>(
     device: &Backend,
     denoiser: Option<Oidn>,
     refused: &AtomicBool,
-) -> Result<OpticalSensor<'a>> {
+) -> Result<LightSensor<'a>> {
     let progress = Mutex::new(Progress::start(format!("light of {}", config.name), 1, "tiles"));
-    let tell = |done: usize, all: usize| {
+    let report = |done: usize, all: usize| {
         if let Ok(mut progress) = progress.lock() {
             progress.set(done, all);
         }
         interrupt::check().is_ok() && !refused.load(Ordering::Relaxed)
     };
     let denoiser = denoiser.map(|filter| Box::new(filter) as Box<dyn Denoise>);
-    let Some(camera) = OpticalSensor::new(config, tracer, &device.for_light(), denoiser, &tell)? else {
+    let Some(camera) = LightSensor::new(config, tracer, &device.for_light(), denoiser, &report)? else {
         interrupt::check()?;
         bail!("the light of {} was not solved", config.name);
     };
@@ -299,7 +299,7 @@ impl Ahead {
     /// Begins to see these poses in their order; about so many finished keyframes may wait to be taken.
     fn start<'scope, 'env>(
         scope: &'scope std::thread::Scope<'scope, 'env>,
-        camera: &'env OpticalSensor<'_>,
+        camera: &'env LightSensor<'_>,
         poses: Vec<&'env TrajectoryPose>,
         waiting: usize,
     ) -> Self {
@@ -358,7 +358,7 @@ fn handovers<'p, 'q>(mut poses: &'p [&'q TrajectoryPose], most: usize) -> Vec<&'
 
 /// Finished images that may wait for radio: as many as [`MOST_WAITING_BYTES`] hold.
 fn keyframes_waiting(config: &DatasetConfig) -> usize {
-    (MOST_WAITING_BYTES / (WAITING_BYTES_A_PIXEL * config.optical.width * config.optical.height).max(1)).min(MOST_WAITING)
+    (MOST_WAITING_BYTES / (WAITING_BYTES_A_PIXEL * config.light.width * config.light.height).max(1)).min(MOST_WAITING)
 }
 
 /// Most keyframes whose images wait: what a GPU sees while the radio of a large room is made ready on few threads.
@@ -384,24 +384,24 @@ const THREADS_A_KEYFRAME: usize = 8;
 const MOST_AT_ONCE: usize = 8;
 
 /// Says what is to be said.
-fn tell(generated: Generated) -> Result<Generated> {
+fn report(generated: Generated) -> Result<Generated> {
     messages::findings(&generated.findings);
     Ok(generated)
 }
 
 /// Memory of a keyframe's images while they are rendered, filtered and written, bytes a pixel.
-const OPTICAL_BYTES_A_PIXEL: f64 = 300.0;
-const RF_BYTES_A_PIXEL: f64 = 120.0;
+const LIGHT_BYTES_A_PIXEL: f64 = 300.0;
+const RADIO_BYTES_A_PIXEL: f64 = 120.0;
 
 /// Refuses images that do not fit the memory.
 fn check_memory(config: &DatasetConfig, at_once: usize, waiting: usize) -> Result<()> {
-    let [sphere_columns, sphere_rows] = config.rf.sphere.unwrap_or([0, 0]);
+    let [sphere_columns, sphere_rows] = config.radio.sphere.unwrap_or([0, 0]);
     let at_once = at_once as f64;
-    let optical = at_once * OPTICAL_BYTES_A_PIXEL + (waiting * WAITING_BYTES_A_PIXEL) as f64;
+    let light = at_once * LIGHT_BYTES_A_PIXEL + (waiting * WAITING_BYTES_A_PIXEL) as f64;
     for (key, columns, rows, bytes_a_pixel) in [
-        ("optical", config.optical.width, config.optical.height, optical),
-        ("rf", config.rf.width, config.rf.height, at_once * RF_BYTES_A_PIXEL),
-        ("rf.sphere", sphere_columns, sphere_rows, at_once * RF_BYTES_A_PIXEL),
+        ("optical", config.light.width, config.light.height, light),
+        ("rf", config.radio.width, config.radio.height, at_once * RADIO_BYTES_A_PIXEL),
+        ("rf.sphere", sphere_columns, sphere_rows, at_once * RADIO_BYTES_A_PIXEL),
     ] {
         let place = format!("{}: {key}", config.source.display());
         let bytes = bytes_a_pixel * columns as f64 * rows as f64;
@@ -429,8 +429,8 @@ mod tests {
         let Some(gpu) = adapter() else { return };
         let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
         let mut config = DatasetConfig::load(scenes.join("room-tiny.toml")).unwrap();
-        (config.keyframes, config.optical.width, config.optical.height) = (3, 40, 24);
-        (config.optical.samples_per_pixel, config.rf.width, config.rf.height) = (Some(1), 12, 8);
+        (config.keyframes, config.light.width, config.light.height) = (3, 40, 24);
+        (config.light.samples_per_pixel, config.radio.width, config.radio.height) = (Some(1), 12, 8);
         let folder = tempfile::tempdir().unwrap();
         let make = |name: &str, light: &Backend, resume: bool| {
             generate(&config, &folder.path().join(name), Options { resume, strict: false, light: light.clone() })
@@ -459,8 +459,8 @@ mod tests {
         let largest = corf_gpu::adapter_reports().into_iter().next().map_or(0, |report| report.largest_buffer_bytes);
         if largest <= 256 << 20 {
             let mut config = config.clone();
-            (config.optical.method, config.optical.exposure_ev) = (LightMethod::Path, Some(0.0));
-            (config.optical.width, config.optical.height) = (2400, (largest / 80 / 2400 + 8) as usize);
+            (config.light.method, config.light.exposure_ev) = (LightMethod::Path, Some(0.0));
+            (config.light.width, config.light.height) = (2400, (largest / 80 / 2400 + 8) as usize);
             let out = folder.path().join("large");
             let options = Options { light: gpu.clone(), ..Options::default() };
             let refusal = generate(&config, &out, options).err().unwrap();

@@ -10,11 +10,11 @@ use corf_scene::{Finding, Result, Scene};
 /// Those of [`SceneConfig::load_scene`].
 pub fn load(config: &SceneConfig) -> Result<Scene> {
     let (scene, left_out) = config.load_scene()?;
-    say_left_out(&left_out);
+    report_left_out(&left_out);
     Ok(scene)
 }
 
 /// Says what an import left out or changed; a scene that is read several times is told of once.
-pub fn say_left_out(findings: &[Finding]) {
+pub fn report_left_out(findings: &[Finding]) {
     messages::once(findings);
 }

@@ -110,7 +110,7 @@ impl<'d> Nerf2Set<'d> {
             return Err(Error::invalid("--gateway", what, "stand it, or turn it, elsewhere").into());
         }
         let max_db = 10.0 * f64::from(peak).log10();
-        let range = DbRange { min_db: max_db - self.behind.config.rf.dynamic_range_db, max_db };
+        let range = DbRange { min_db: max_db - self.behind.config.radio.dynamic_range_db, max_db };
         let mut files = Vec::with_capacity(spectra.len() + 5);
         for (index, spectrum) in spectra.iter().enumerate() {
             let grey = spectrum.map(|linear| (255.0 * range.scalar(*linear)).round() as u8);
@@ -144,7 +144,7 @@ impl<'d> Nerf2Set<'d> {
             spacing_wavelengths: receiver.spacing_wavelengths,
             beam: None,
         };
-        let mut plan = SensorPlan::from_parts(&config.rf, config.seed, &element, scene_config);
+        let mut plan = SensorPlan::from_parts(&config.radio, config.seed, &element, scene_config);
         plan.tracing.tx_antenna = Antenna::from(&element);
         let bvh = Bvh::build(scene);
         let tracer = RadioTracer::new(scene, &bvh, plan.tracing)?;
@@ -191,8 +191,8 @@ impl<'d> Nerf2Set<'d> {
             "roles": "the array stands at the gateway, the transmitter goes where the platform went; traced, not relabelled",
             "gateway_array": scene_config.receiver,
             "transmitter": "one element of the platform's array, upright",
-            "spectrum": config.rf.spectrum,
-            "lobe_width_deg": config.rf.lobe_width_deg,
+            "spectrum": config.radio.spectrum,
+            "lobe_width_deg": config.radio.lobe_width_deg,
             "unit": header.quantity.unit(),
             "grey": "255 times the level's place in db_range, rounded; 10 log10 of linear power relative to 1 W transmitted",
             "db_range": range,

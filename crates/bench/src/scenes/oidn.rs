@@ -45,7 +45,7 @@ impl Oidn {
     /// It is not on this machine.
     pub fn asked_for(config: &DatasetConfig) -> Result<Option<Self>> {
         let place = || format!("{}: optical.denoiser", config.source.display());
-        config.optical.denoiser.map(|Denoiser::Oidn| Self::find(&place())).transpose()
+        config.light.denoiser.map(|Denoiser::Oidn| Self::find(&place())).transpose()
     }
 
     /// Loads the library that [`LIBRARY_VARIABLE`] names, or else the system's, and makes its CPU device ready. `place` says who asks.

@@ -63,7 +63,7 @@ pub fn room(n: usize, seed: u64) -> Gaussians {
         s[axis] = THICKNESS_M.ln();
         g.log_scale.push(s);
         g.rotation.push([1.0, 0.05 * rng.normal() as f32, 0.05 * rng.normal() as f32, 0.05 * rng.normal() as f32]);
-        for a in [&mut g.optical, &mut g.rf] {
+        for a in [&mut g.light, &mut g.radio] {
             a.opacity_logit.push((1.0 + 1.5 * rng.normal()) as f32);
             let stride = a.stride();
             a.sh.extend((0..stride).map(|i| rng.normal() as f32 * if i < a.channels { 0.3 } else { 0.03 }));
@@ -77,9 +77,9 @@ pub struct Rig {
     /// Camera poses, `world_from_camera`.
     pub world_from_camera: Vec<Rigid3>,
     /// Intrinsics of the optical images.
-    pub optical: Pinhole,
+    pub light: Pinhole,
     /// Intrinsics of the RF images.
-    pub rf: Pinhole,
+    pub radio: Pinhole,
 }
 
 /// On an ellipse around the middle of the room, looking along it; `turn` is a share of the way around.
@@ -90,12 +90,12 @@ fn pose(turn: f64) -> Rigid3 {
 }
 
 /// Cameras around the room, 90° wide.
-pub fn rig(optical: [usize; 2], rf: [usize; 2]) -> Rig {
+pub fn rig(light: [usize; 2], radio: [usize; 2]) -> Rig {
     let camera = |[w, h]: [usize; 2]| Pinhole::from_horizontal_fov(w, h, 90.0);
     Rig {
         world_from_camera: (0..CAMERAS).map(|i| pose(i as f64 / CAMERAS as f64)).collect(),
-        optical: camera(optical),
-        rf: camera(rf),
+        light: camera(light),
+        radio: camera(radio),
     }
 }
 
@@ -116,23 +116,23 @@ struct CameraFile {
 ///
 /// # Errors
 /// A file that cannot be read, has no pose, or a matrix that is no rigid transform.
-pub fn read_rig(path: &Path, rf: Option<[usize; 2]>) -> Result<Rig> {
+pub fn read_rig(path: &Path, radio: Option<[usize; 2]>) -> Result<Rig> {
     let file: CameraFile = crate::files::json::read_json(path)
         .context("a camera file holds width, height, fx, fy, cx, cy and a list camera_from_world of 4x4 matrices by rows")?;
     ensure!(!file.camera_from_world.is_empty(), "{} names no pose", path.display());
-    let optical = Pinhole { width: file.width, height: file.height, fx: file.fx, fy: file.fy, cx: file.cx, cy: file.cy };
-    let [w, h] = rf.unwrap_or([optical.width, optical.height]);
-    let (sx, sy) = (w as f64 / optical.width as f64, h as f64 / optical.height as f64);
-    let rf = Pinhole { width: w, height: h, fx: optical.fx * sx, fy: optical.fy * sx, cx: optical.cx * sx, cy: optical.cy * sy };
+    let light = Pinhole { width: file.width, height: file.height, fx: file.fx, fy: file.fy, cx: file.cx, cy: file.cy };
+    let [w, h] = radio.unwrap_or([light.width, light.height]);
+    let (sx, sy) = (w as f64 / light.width as f64, h as f64 / light.height as f64);
+    let radio = Pinhole { width: w, height: h, fx: light.fx * sx, fy: light.fy * sx, cx: light.cx * sx, cy: light.cy * sy };
     let pose =
         |(i, rows): (usize, &[[f64; 4]; 4])| Ok(Rigid3::from_rows(rows, &format!("{}: pose {i}", path.display()))?.inverse());
     let world_from_camera = file.camera_from_world.iter().enumerate().map(pose).collect::<Result<_>>()?;
-    Ok(Rig { world_from_camera, optical, rf })
+    Ok(Rig { world_from_camera, light, radio })
 }
 
 impl Rig {
     /// A training view of noise at every pose: of 8 bits in light, as images are.
-    pub fn views(&self, rf_channels: usize) -> impl Iterator<Item = TrainingView> + '_ {
+    pub fn views(&self, radio_channels: usize) -> impl Iterator<Item = TrainingView> + '_ {
         let noise = |i: usize, camera: &Pinhole, channels: usize, of: fn(f32) -> f32| {
             let mut rng = Rng::keyed(1, i as u64, channels as u64);
             let pixels = (0..camera.width * camera.height * channels).map(|_| of(rng.uniform())).collect();
@@ -141,10 +141,10 @@ impl Rig {
         let image = |value: f32| f32::from((value * 255.0) as u8) / 255.0;
         self.world_from_camera.iter().enumerate().map(move |(i, pose)| TrainingView {
             world_from_camera: *pose,
-            optical: noise(i, &self.optical, 3, image),
-            optical_camera: self.optical,
-            rf: noise(i, &self.rf, rf_channels, |value| value),
-            rf_camera: self.rf,
+            light: noise(i, &self.light, 3, image),
+            light_camera: self.light,
+            radio: noise(i, &self.radio, radio_channels, |value| value),
+            radio_camera: self.radio,
             inverse_depth: None,
             mask: None,
         })
@@ -155,12 +155,12 @@ impl Rig {
         let step = |i: usize| Step {
             view: ViewId(i % self.world_from_camera.len()),
             levels: [0; 2],
-            optical_weight: 1.0,
-            rf_weight: 0.1,
+            light_weight: 1.0,
+            radio_weight: 0.1,
             depth_weight: 0.0,
             train_geometry: true,
-            optical_background: [0.0; 3],
-            rf_background: [0.0; 3],
+            light_background: [0.0; 3],
+            radio_background: [0.0; 3],
         };
         (0..count).map(step).collect()
     }
@@ -173,8 +173,8 @@ impl Rig {
             let world_from_camera = pose((i as f64 + 0.5) / count as f64);
             let view = |camera| View { camera, world_from_camera };
             RenderRequest {
-                optical: Some((view(self.optical), [0.0; 3])),
-                rf: Some((view(self.rf), [0.0; 3])),
+                light: Some((view(self.light), [0.0; 3])),
+                radio: Some((view(self.radio), [0.0; 3])),
                 main_contributor: false,
             }
         };
@@ -218,8 +218,8 @@ pub fn optimizer() -> OptimizerConfig {
         position_rate_m: RATE,
         log_scale_rate: RATE,
         rotation_rate: RATE,
-        optical: rates,
-        rf: rates,
+        light: rates,
+        radio: rates,
         ..OptimizerConfig::default()
     }
 }

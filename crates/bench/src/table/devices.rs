@@ -24,7 +24,7 @@ impl Place {
     }
 
     /// Whether it is told from others in a table: not where a lookup ran on the processor, and not what nobody knows.
-    fn is_told(&self, method: &str) -> bool {
+    fn is_reported(&self, method: &str) -> bool {
         self.device != NOT_STATED && !(abilities(method).on_processor && self.device.starts_with(PROCESSOR))
     }
 
@@ -47,7 +47,7 @@ fn need_processor<'p>(places: impl Iterator<Item = &'p Place>) -> bool {
 }
 
 /// Puts the device behind the label of every row that is not the only one of its cells' label.
-pub(super) fn tell_apart(rows: &mut [Row<'_>]) {
+pub(super) fn distinguish(rows: &mut [Row<'_>]) {
     for at in 0..rows.len() {
         let of_label = || rows.iter().filter(|row| row.cells_of == rows[at].cells_of);
         if of_label().count() > 1
@@ -65,11 +65,11 @@ pub(super) fn groups<'r, 'a>(rows: &[&'r Row<'a>]) -> Vec<(String, Vec<&'r Row<'
     let placed: Vec<(&Place, &'r Row<'a>)> = rows.iter().filter_map(|row| Some((row.place.as_ref()?, *row))).collect();
     let with_processor = need_processor(placed.iter().map(|(place, _)| *place));
     let mut groups: Vec<(String, Vec<&Row<'_>>)> = Vec::new();
-    let mut told: Vec<String> = Vec::new();
+    let mut reported: Vec<String> = Vec::new();
     for (place, row) in placed {
         let name = place.name(with_processor);
-        if place.is_told(row.method) && !told.contains(&name) {
-            told.push(name.clone());
+        if place.is_reported(row.method) && !reported.contains(&name) {
+            reported.push(name.clone());
         }
         match groups.iter_mut().find(|group| group.0 == name) {
             Some(group) => group.1.push(row),
@@ -77,7 +77,7 @@ pub(super) fn groups<'r, 'a>(rows: &[&'r Row<'a>]) -> Vec<(String, Vec<&'r Row<'
         }
     }
     let apart = rows.iter().enumerate().any(|(at, row)| rows[..at].iter().any(|other| other.cells_of == row.cells_of));
-    if told.len() > 1 || apart { groups } else { Vec::new() }
+    if reported.len() > 1 || apart { groups } else { Vec::new() }
 }
 
 /// Whether finished cells of these records ran on devices that a table tells apart.
@@ -89,8 +89,9 @@ pub(super) fn differ(records: &[Record]) -> bool {
     if cells.windows(2).any(|pair| pair[0].0 == pair[1].0) {
         return true;
     }
-    let told = finished().map(|record| (Place::of(record), record)).filter(|(place, record)| place.is_told(&record.method));
-    let mut names: Vec<(String, Option<String>)> = told.map(|(place, _)| (place.name(false), place.processor)).collect();
+    let reported =
+        finished().map(|record| (Place::of(record), record)).filter(|(place, record)| place.is_reported(&record.method));
+    let mut names: Vec<(String, Option<String>)> = reported.map(|(place, _)| (place.name(false), place.processor)).collect();
     names.sort();
     names.dedup();
     names.len() > 1

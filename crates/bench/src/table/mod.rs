@@ -154,7 +154,7 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
             Outcome::Failed { error } => row.failed.push((record.seed, error)),
         }
     }
-    devices::tell_apart(&mut rows);
+    devices::distinguish(&mut rows);
     rows
 }
 

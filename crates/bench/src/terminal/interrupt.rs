@@ -39,7 +39,7 @@ fn last_words() -> String {
 }
 
 /// Says from now on what an interrupt leaves, in the place of what is true of most commands; [`kept`] changes it.
-pub fn say_what_is_kept(text: impl Into<String>) {
+pub fn print_what_is_kept(text: impl Into<String>) {
     *KEPT.lock().unwrap_or_else(PoisonError::into_inner) = Some(text.into());
 }
 
@@ -151,7 +151,7 @@ mod tests {
     fn what_an_interrupt_leaves_is_what_was_last_written() {
         kept(|| "a checkpoint of a command that says nothing of its own".to_owned());
         assert!(Interrupted.to_string().contains("what was finished is kept"), "{Interrupted}");
-        say_what_is_kept("nothing is kept yet");
+        print_what_is_kept("nothing is kept yet");
         assert_eq!(Interrupted.to_string(), "interrupted; nothing is kept yet");
         kept(|| "run/checkpoint holds 12 keyframes".to_owned());
         assert_eq!(Interrupted.to_string(), "interrupted; run/checkpoint holds 12 keyframes");

@@ -97,7 +97,7 @@ impl Growth {
 
     /// Takes note of progress, and a snapshot if a page has asked for one since the last and that is not just gone: where nobody looks, no field
     /// is read.
-    pub(super) fn tell(&self, advance: &Advance<'_>) {
+    pub(super) fn report(&self, advance: &Advance<'_>) {
         let mut state = self.state();
         (state.done, state.total) = (advance.done, advance.total);
         state.gaussians = advance.gaussians.or(state.gaussians);
@@ -210,24 +210,24 @@ mod tests {
             reads.set(reads.get() + 1);
             Some(field())
         };
-        let tell = |done| growth.tell(&Advance { field: Some(FieldReader::new(&read)), ..Advance::of(done, 4) });
-        tell(1);
+        let report = |done| growth.report(&Advance { field: Some(FieldReader::new(&read)), ..Advance::of(done, 4) });
+        report(1);
         assert_eq!(reads.get(), 0, "nobody has asked");
-        let told = growth.document(false);
-        assert_eq!((told.done, told.total, told.version, told.field), (1, 4, 0, None));
-        tell(2);
+        let reported = growth.document(false);
+        assert_eq!((reported.done, reported.total, reported.version, reported.field), (1, 4, 0, None));
+        report(2);
         assert_eq!(reads.get(), 0, "a page that nobody sees asks for nothing");
         growth.document(true);
         growth.document(true);
         // A report between keyframes has no field to give, and leaves the wish open.
-        growth.tell(&Advance::of(2, 4));
-        tell(3);
-        tell(4);
+        growth.report(&Advance::of(2, 4));
+        report(3);
+        report(4);
         assert_eq!(reads.get(), 1, "asked twice before one boundary is one snapshot");
-        let told = growth.document(false);
-        assert_eq!((told.done, told.version, told.snapshot_done), (4, 1, 3));
+        let reported = growth.document(false);
+        assert_eq!((reported.done, reported.version, reported.snapshot_done), (4, 1, 3));
         let (version, bytes) = growth.bytes();
-        assert_eq!((version, &*bytes), (1, &splats::bytes(&field(), &told.field.unwrap())));
+        assert_eq!((version, &*bytes), (1, &splats::bytes(&field(), &reported.field.unwrap())));
     }
 
     #[test]
@@ -235,9 +235,9 @@ mod tests {
         let drawing = Drawing { modalities: Modalities { light: true, radio: false }, ..growth().drawing };
         let growth = Growth::new(drawing, "keyframes", 1);
         growth.document(true);
-        growth.tell(&Advance { field: Some(FieldReader::new(&|| Some(field()))), ..Advance::of(1, 1) });
+        growth.report(&Advance { field: Some(FieldReader::new(&|| Some(field()))), ..Advance::of(1, 1) });
         let layout = growth.document(false).field.unwrap();
-        assert!(layout.optical.is_some() && layout.rf.is_none());
+        assert!(layout.light.is_some() && layout.radio.is_none());
     }
 
     #[test]
@@ -252,7 +252,7 @@ mod tests {
         let mut units = 0;
         while start.elapsed() < 25 * READING {
             growth.document(true);
-            growth.tell(&Advance { field: Some(FieldReader::new(&read)), ..Advance::of(1, 4) });
+            growth.report(&Advance { field: Some(FieldReader::new(&read)), ..Advance::of(1, 4) });
             units += 1;
             std::thread::sleep(READING / 20);
         }

@@ -77,7 +77,7 @@ impl Subject {
         let image = truth.light.as_ref().map(|light| images(&light.image, predicted.as_ref())).transpose()?;
         let radio = truth.radio.as_ref().zip(self.dataset.db_range());
         let spectrum =
-            radio.map(|(radio, range)| spectra(&radio.spectrum, predicted.as_ref(), &self.dataset.rf_camera(), &range));
+            radio.map(|(radio, range)| spectra(&radio.spectrum, predicted.as_ref(), &self.dataset.radio_camera(), &range));
         let lacks = |there: bool, half: &str| (self.run.is_some() && !there).then(|| format!("This method predicts no {half}."));
         let lacking = predicted.as_ref().and_then(|p| {
             lacks(p.image.is_some() || !has.light, "image").or_else(|| lacks(p.radio.is_some() || !has.radio, "spectrum"))

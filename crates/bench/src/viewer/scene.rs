@@ -3,7 +3,7 @@
 use super::points;
 use super::splats::{self, FieldLayout};
 use super::subject::{Role, Run, Subject, Work};
-use crate::report::colours::{ERROR_DB, ERROR_OPTICAL, heat};
+use crate::report::colours::{ERROR_DB, ERROR_LIGHT, heat};
 use crate::run::RunInfo;
 use anyhow::Result;
 use corf::FieldMeta;
@@ -30,8 +30,10 @@ pub(super) struct SceneDocument {
     /// Of a reconstruction at work, the halves of its field, which comes and grows.
     growing: Option<Halves>,
     modalities: Modalities,
-    optical_camera: Pinhole,
-    rf_camera: Pinhole,
+    #[serde(rename = "optical_camera")]
+    light_camera: Pinhole,
+    #[serde(rename = "rf_camera")]
+    radio_camera: Pinhole,
     db_range: DbRange,
     /// What a level of a spectrum is, in words and as a unit.
     pub unit: &'static str,
@@ -54,8 +56,10 @@ pub(super) struct SceneDocument {
 /// Halves of a field that can be drawn.
 #[derive(Serialize)]
 struct Halves {
-    optical: bool,
-    rf: bool,
+    #[serde(rename = "optical")]
+    light: bool,
+    #[serde(rename = "rf")]
+    radio: bool,
 }
 
 #[derive(Serialize)]
@@ -68,8 +72,10 @@ struct KeyframeEntry {
 /// Numbers of points of the sparse models.
 #[derive(Serialize)]
 struct PointCounts {
-    optical: usize,
-    rf: usize,
+    #[serde(rename = "optical")]
+    light: usize,
+    #[serde(rename = "rf")]
+    radio: usize,
 }
 
 /// Colours from 0 to 1 in even steps.
@@ -96,13 +102,13 @@ fn unit(quantity: Quantity) -> (&'static str, &'static str) {
 }
 
 /// Whether the RF colours of a method's Gaussians are its spectra.
-pub(super) fn has_rf_colours(method: &str) -> bool {
+pub(super) fn has_radio_colours(method: &str) -> bool {
     method != "corf-array"
 }
 
 /// Layout of a run's Gaussians.
 pub(super) fn field_layout(run: &Run) -> Option<FieldLayout> {
-    run.field.as_ref().map(|(field, raster)| splats::layout(field, raster, has_rf_colours(&run.info.method)))
+    run.field.as_ref().map(|(field, raster)| splats::layout(field, raster, has_radio_colours(&run.info.method)))
 }
 
 fn missing(subject: &Subject, field: Option<&FieldLayout>) -> String {
@@ -118,7 +124,9 @@ fn missing(subject: &Subject, field: Option<&FieldLayout>) -> String {
                 run.info.method
             )
         }
-        (Some(Run { info: RunInfo { method, .. }, .. }), _, _) | (_, Some(Work { method, .. }), _) if !has_rf_colours(method) => {
+        (Some(Run { info: RunInfo { method, .. }, .. }), _, _) | (_, Some(Work { method, .. }), _)
+            if !has_radio_colours(method) =>
+        {
             format!(
                 "Radio in {method} is no colour of Gaussians, and its spectra cannot be drawn from everywhere: see them at the keyframes."
             )
@@ -152,7 +160,7 @@ impl Names {
                 work.method.clone()
             }
             (None, None) => {
-                parts.extend((points.optical > 0).then(|| format!("{} points", points.optical)));
+                parts.extend((points.light > 0).then(|| format!("{} points", points.light)));
                 "data set".to_owned()
             }
         };
@@ -171,15 +179,15 @@ impl SceneDocument {
         let count = |modality| Ok::<_, anyhow::Error>(points::read(dataset, modality)?.len() / 16);
         // A run is looked at by what it made.
         let points = match (&subject.run, &subject.work) {
-            (None, None) => PointCounts { optical: count("optical")?, rf: count("rf")? },
-            _ => PointCounts { optical: 0, rf: 0 },
+            (None, None) => PointCounts { light: count("optical")?, radio: count("rf")? },
+            _ => PointCounts { light: 0, radio: 0 },
         };
         let Names { title, subtitle, about } = Names::of(subject, &points);
         let mut notes = Vec::new();
         let missing = missing(subject, field.as_ref());
         let method = subject.run.as_ref().map(|run| &run.info.method).or(subject.work.as_ref().map(|work| &work.method));
-        let rf_colours = method.is_none_or(|method| has_rf_colours(method));
-        if !rf_colours {
+        let radio_colours = method.is_none_or(|method| has_radio_colours(method));
+        if !radio_colours {
             notes.push(missing.clone());
         }
         let has = dataset.modalities();
@@ -193,10 +201,10 @@ impl SceneDocument {
             subtitle,
             about,
             run: subject.run.is_some(),
-            growing: subject.work.is_some().then_some(Halves { optical: has.light, rf: has.radio && rf_colours }),
+            growing: subject.work.is_some().then_some(Halves { light: has.light, radio: has.radio && radio_colours }),
             modalities: has,
-            optical_camera: dataset.optical_camera(),
-            rf_camera: dataset.rf_camera(),
+            light_camera: dataset.light_camera(),
+            radio_camera: dataset.radio_camera(),
             db_range: dataset.db_range().unwrap_or(FieldMeta::RANGE_WITHOUT_RADIO),
             unit,
             unit_short,
@@ -206,7 +214,7 @@ impl SceneDocument {
             points,
             ramps: Ramps { jet: ramp(|t| jet(t).map(quantize8)), heat: ramp(heat) },
             error_db: ERROR_DB,
-            error_share: ERROR_OPTICAL,
+            error_share: ERROR_LIGHT,
             missing,
             notes,
         })

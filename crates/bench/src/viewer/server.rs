@@ -232,7 +232,7 @@ struct Guest {
 /// Takes connections until the end is said, and sees those that are answered out.
 async fn receive(listeners: &[tokio::net::TcpListener], hall: &Arc<Hall>, mut ending: watch::Receiver<Option<Instant>>) {
     let mut guests: Vec<Guest> = Vec::new();
-    let told = ending.clone();
+    let reported = ending.clone();
     {
         // Without anybody who could say it, this is the end as well.
         let mut end = pin!(ending.wait_for(Option::is_some));
@@ -253,7 +253,7 @@ async fn receive(listeners: &[tokio::net::TcpListener], hall: &Arc<Hall>, mut en
                 None => break,
                 // The client has gone again, or the process has no descriptor left; either passes.
                 Some(Err(_)) => sleep(PAUSE).await,
-                Some(Ok((stream, _))) => admit(stream, hall, &told, &mut guests),
+                Some(Ok((stream, _))) => admit(stream, hall, &reported, &mut guests),
             }
         }
     }

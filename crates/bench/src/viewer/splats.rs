@@ -20,9 +20,11 @@ pub(super) struct FieldLayout {
     /// Whether opacity makes up for that filter.
     pub compensated: bool,
     /// Light; none where the field does not know it.
-    pub optical: Option<Colours>,
+    #[serde(rename = "optical")]
+    pub light: Option<Colours>,
     /// Radio; none where the field does not know it, or not as colours of Gaussians.
-    pub rf: Option<Colours>,
+    #[serde(rename = "rf")]
+    pub radio: Option<Colours>,
 }
 
 /// Layout of one modality's colours.
@@ -48,14 +50,14 @@ impl Colours {
 /// Layout of a field's bytes; `radio` says whether its RF colours are spectra.
 pub(super) fn layout(field: &Field, raster: &RasterConfig, radio: bool) -> FieldLayout {
     let (gaussians, meta) = (&field.gaussians, &field.meta);
-    let background = meta.rf_background.unwrap_or(meta.rf_target.floor_color());
+    let background = meta.radio_background.unwrap_or(meta.radio_target.floor_color());
     FieldLayout {
         count: gaussians.len(),
         near_m: raster.near_m,
         dilation_px2: raster.antialias.dilation(),
         compensated: raster.antialias != Antialias::Off,
-        optical: meta.modalities.light.then(|| Colours::of(&gaussians.optical, [0.0; 3])),
-        rf: (meta.modalities.radio && radio).then(|| Colours::of(&gaussians.rf, background)),
+        light: meta.modalities.light.then(|| Colours::of(&gaussians.light, [0.0; 3])),
+        radio: (meta.modalities.radio && radio).then(|| Colours::of(&gaussians.radio, background)),
     }
 }
 
@@ -71,12 +73,12 @@ pub(super) fn bytes(field: &Field, layout: &FieldLayout) -> Vec<u8> {
         let axes = rotation * Mat3::from_diagonal(Vec3::from_array(g.log_scale[i].map(f32::exp)));
         let s = axes * axes.transpose();
         let [px, py, pz] = g.position[i];
-        let [light, radio] = [&g.optical, &g.rf].map(|a| sigmoid(a.opacity_logit[i]));
+        let [light, radio] = [&g.light, &g.radio].map(|a| sigmoid(a.opacity_logit[i]));
         let numbers: [f32; GEOMETRY] =
             [px, py, pz, light, s.x_axis.x, s.x_axis.y, s.x_axis.z, radio, s.y_axis.y, s.y_axis.z, s.z_axis.z, 0.0];
         numbers.iter().for_each(|v| out.extend(v.to_le_bytes()));
     }
-    for (appearance, colours) in [(&g.optical, &layout.optical), (&g.rf, &layout.rf)] {
+    for (appearance, colours) in [(&g.light, &layout.light), (&g.radio, &layout.radio)] {
         let Some(colours) = colours else { continue };
         let (stride, padded) = (appearance.stride(), 4 * colours.texels);
         out.reserve(2 * padded * g.len());
@@ -92,29 +94,29 @@ pub(super) fn bytes(field: &Field, layout: &FieldLayout) -> Vec<u8> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use corf::{FieldMeta, Gaussians, target::RfTarget};
+    use corf::{FieldMeta, Gaussians, target::RadioTarget};
     use corf_scene::Pinhole;
     use corf_scene::keyframe::{DbRange, Modalities};
 
     /// Two Gaussians.
     pub fn field() -> Field {
         let mut gaussians = Gaussians::empty(1, 0);
-        gaussians.rf.sh_degree = 1;
+        gaussians.radio.sh_degree = 1;
         gaussians.position = vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]];
         // A quarter turn about z, not normalised.
         gaussians.rotation = vec![[1.0, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 2.0]];
         gaussians.log_scale = vec![[0.0, 0.0, 0.0], [1.0_f32.ln(), 2.0_f32.ln(), 3.0_f32.ln()]];
-        gaussians.optical.opacity_logit = vec![0.0, 0.0];
-        gaussians.optical.sh = vec![0.5; 6];
-        gaussians.rf.opacity_logit = vec![0.0, 1.0];
-        gaussians.rf.sh = vec![-0.25, 0.0, 0.0, 0.0, 1e6, 0.0, 0.0, 0.0];
+        gaussians.light.opacity_logit = vec![0.0, 0.0];
+        gaussians.light.sh = vec![0.5; 6];
+        gaussians.radio.opacity_logit = vec![0.0, 1.0];
+        gaussians.radio.sh = vec![-0.25, 0.0, 0.0, 0.0, 1e6, 0.0, 0.0, 0.0];
         let camera = Pinhole::from_horizontal_fov(8, 6, 90.0);
         let meta = FieldMeta {
-            rf_target: RfTarget::Db,
+            radio_target: RadioTarget::Db,
             db_range: DbRange { min_db: -100.0, max_db: -40.0 },
-            optical_camera: camera,
-            rf_camera: camera,
-            rf_background: None,
+            light_camera: camera,
+            radio_camera: camera,
+            radio_background: None,
             modalities: Modalities::BOTH,
         };
         Field { gaussians, meta }
@@ -125,9 +127,9 @@ pub(super) mod tests {
         let field = field();
         let layout = layout(&field, &RasterConfig::default(), true);
         let bytes = bytes(&field, &layout);
-        let (optical, rf) = (layout.optical.as_ref().unwrap(), layout.rf.as_ref().unwrap());
-        assert_eq!((optical.channels, optical.coefficients, optical.texels), (3, 1, 1));
-        assert_eq!((rf.channels, rf.coefficients, rf.texels, rf.background), (1, 4, 1, [0.0; 3]));
+        let (light, radio) = (layout.light.as_ref().unwrap(), layout.radio.as_ref().unwrap());
+        assert_eq!((light.channels, light.coefficients, light.texels), (3, 1, 1));
+        assert_eq!((radio.channels, radio.coefficients, radio.texels, radio.background), (1, 4, 1, [0.0; 3]));
         assert_eq!(bytes.len(), 2 * (4 * GEOMETRY + 8 + 8));
         let float = |i: usize| f32::from_le_bytes(bytes[4 * i..4 * i + 4].try_into().unwrap());
         let second: Vec<f32> = (GEOMETRY..2 * GEOMETRY).map(float).collect();
@@ -145,7 +147,7 @@ pub(super) mod tests {
         let mut field = field();
         field.meta.modalities.light = false;
         let layout = layout(&field, &RasterConfig { antialias: Antialias::Off, ..RasterConfig::default() }, false);
-        assert!(layout.optical.is_none() && layout.rf.is_none() && !layout.compensated);
+        assert!(layout.light.is_none() && layout.radio.is_none() && !layout.compensated);
         assert_eq!(bytes(&field, &layout).len(), 2 * 4 * GEOMETRY);
     }
 }

@@ -56,8 +56,8 @@ impl Watching {
     }
 
     /// Takes note of progress; the field is read only where a page has asked for it.
-    pub fn tell(&self, advance: &Advance<'_>) {
-        self.growth.tell(advance);
+    pub fn report(&self, advance: &Advance<'_>) {
+        self.growth.report(advance);
     }
 
     /// Shows a page that is looking what the reconstruction ended with, and ends the server: within five seconds, whatever its clients do.
@@ -76,5 +76,5 @@ fn drawing(method: &dyn Method) -> Result<(corf::RasterConfig, bool)> {
             method.id()
         )
     })?;
-    Ok((raster, super::scene::has_rf_colours(method.id())))
+    Ok((raster, super::scene::has_radio_colours(method.id())))
 }

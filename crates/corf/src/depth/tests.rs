@@ -11,8 +11,8 @@ use corf_scene::{Keyframe, Light, Pinhole, Raster};
 const SEED: u64 = 5;
 
 fn sequence(camera: &Pinhole, count: usize, textured: bool) -> Vec<Keyframe> {
-    let rf = Pinhole::from_horizontal_fov(8, 8, 90.0);
-    (0..count).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64 * 1.5), camera, &rf, textured)).collect()
+    let radio = Pinhole::from_horizontal_fov(8, 8, 90.0);
+    (0..count).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64 * 1.5), camera, &radio, textured)).collect()
 }
 
 fn grey(keyframes: &[Keyframe], camera: &Pinhole) -> Vec<GreyView> {

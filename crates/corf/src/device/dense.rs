@@ -89,7 +89,7 @@ impl DenseStep {
     /// Refuses a step that trains both modalities or none, or has no place in a bias correction.
     pub(crate) fn check(&self) -> Result<()> {
         let place = || format!("dense training step {}", self.number);
-        let trained = [self.step.optical_weight, self.step.rf_weight].iter().filter(|w| **w > 0.0).count();
+        let trained = [self.step.light_weight, self.step.radio_weight].iter().filter(|w| **w > 0.0).count();
         if trained != 1 {
             return Err(Error::invalid(
                 place(),
@@ -115,7 +115,7 @@ impl DenseStep {
         out.position_rate_m = scaled(self.position_rate_m);
         out.position_decay = 0.0;
         (out.log_scale_rate, out.rotation_rate) = (scaled(config.log_scale_rate), scaled(config.rotation_rate));
-        for rates in [&mut out.optical, &mut out.rf] {
+        for rates in [&mut out.light, &mut out.radio] {
             (rates.sh_dc, rates.opacity) = (scaled(rates.sh_dc), scaled(rates.opacity));
         }
         out.epsilon = (f64::from(config.epsilon) * root) as f32;

@@ -34,8 +34,16 @@ mod tests {
     fn view(mask: Option<Raster<bool>>) -> TrainingView {
         let camera = Pinhole::from_horizontal_fov(5, 4, 90.0);
         let planes = || Planes { width: 5, height: 4, channels: 3, pixels: vec![0.5; 60] };
-        let (optical_camera, rf_camera, world_from_camera) = (camera, camera, Rigid3::IDENTITY);
-        TrainingView { world_from_camera, optical_camera, optical: planes(), rf_camera, rf: planes(), inverse_depth: None, mask }
+        let (light_camera, radio_camera, world_from_camera) = (camera, camera, Rigid3::IDENTITY);
+        TrainingView {
+            world_from_camera,
+            light_camera,
+            light: planes(),
+            radio_camera,
+            radio: planes(),
+            inverse_depth: None,
+            mask,
+        }
     }
 
     #[test]

@@ -36,13 +36,13 @@ pub struct TrainingView {
     /// The pose of both sensors.
     pub world_from_camera: Rigid3,
     /// Intrinsics of the optical image.
-    pub optical_camera: Pinhole,
+    pub light_camera: Pinhole,
     /// Optical target: 3 channels, sRGB-encoded `[0, 1]`.
-    pub optical: Planes,
+    pub light: Planes,
     /// Intrinsics of the RF image.
-    pub rf_camera: Pinhole,
+    pub radio_camera: Pinhole,
     /// RF target: 3 channels (Jet) or 1 (scalar dB), `[0, 1]`.
-    pub rf: Planes,
+    pub radio: Planes,
     /// Aligned inverse depth (1/m, z-depth) with a confidence in `[0, 1]` per optical pixel; a confidence of 0 leaves a pixel out.
     pub inverse_depth: Option<InverseDepth>,
     /// Whether a pixel of the optical image counts, of its size; the others are not learnt from, whatever the image and the depth hold there.
@@ -63,17 +63,17 @@ pub struct InverseDepth {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Modality {
     /// What a camera sees: RGB.
-    Optical,
+    Light,
     /// What an array receives at 60 GHz: Jet colours or one number a direction.
-    Rf,
+    Radio,
 }
 
 impl Modality {
     /// Its place where both stand in an array.
     pub fn index(self) -> usize {
         match self {
-            Self::Optical => 0,
-            Self::Rf => 1,
+            Self::Light => 0,
+            Self::Radio => 1,
         }
     }
 }
@@ -93,26 +93,26 @@ pub struct Step {
     /// Pyramid levels of the optical and the RF target: averaged over 2^level blocks.
     pub levels: [u32; 2],
     /// Weight of the optical loss (1 in the paper, 0 in the RF stage of a two-stage method).
-    pub optical_weight: f32,
+    pub light_weight: f32,
     /// λ_rf.
-    pub rf_weight: f32,
+    pub radio_weight: f32,
     /// η, the weight of the inverse-depth L1 term.
     pub depth_weight: f32,
     /// Whether position, rotation and scale are updated.
     pub train_geometry: bool,
     /// Background colour of the optical image in this step.
-    pub optical_background: [f32; 3],
+    pub light_background: [f32; 3],
     /// Background colour of the RF image (the first C_rf channels are used): that of the dB range's floor.
-    pub rf_background: [f32; 3],
+    pub radio_background: [f32; 3],
 }
 
 /// Losses of a step, before its update, and the number of visible Gaussians.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepReport {
     /// Unweighted optical loss.
-    pub optical_loss: f32,
+    pub light_loss: f32,
     /// Unweighted RF loss.
-    pub rf_loss: f32,
+    pub radio_loss: f32,
     /// Unweighted depth loss, 1/m.
     pub depth_loss: f32,
     /// Gaussians visible in either modality.
@@ -123,9 +123,9 @@ pub struct StepReport {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RenderRequest {
     /// Optical view and background, if light is wanted.
-    pub optical: Option<(View, [f32; 3])>,
+    pub light: Option<(View, [f32; 3])>,
     /// RF view and background, if radio is wanted.
-    pub rf: Option<(View, [f32; 3])>,
+    pub radio: Option<(View, [f32; 3])>,
     /// Also find, per optical pixel, the Gaussian of the largest blending weight α·T.
     pub main_contributor: bool,
 }
@@ -145,16 +145,16 @@ pub struct Layer {
 #[derive(Clone, Debug, Default)]
 pub struct Rendering {
     /// The image over the pixels of its view, if it was asked for.
-    pub optical: Option<Layer>,
+    pub light: Option<Layer>,
     /// The radio field over the pixels of its view, if it was asked for.
-    pub rf: Option<Layer>,
+    pub radio: Option<Layer>,
     /// Index of the Gaussian of the largest α·T per optical pixel; `u32::MAX` where none contributes.
     pub main_contributor: Option<Raster<u32>>,
 }
 
 /// Refuses a training view whose images have other channels than the Gaussians.
 pub(crate) fn check_channels(view: &TrainingView, channels: [usize; 2]) -> Result<()> {
-    for (name, image, held) in [("optical", &view.optical, channels[0]), ("rf", &view.rf, channels[1])] {
+    for (name, image, held) in [("optical", &view.light, channels[0]), ("rf", &view.radio, channels[1])] {
         if image.channels != held {
             let what = format!("{} channels against {held} of the Gaussians", image.channels);
             let help = "light has 3 channels; RF has 3 (Jet) or 1 (dB)";
@@ -223,7 +223,7 @@ pub trait Device: Send {
     ///
     /// # Errors
     /// An appearance of another number of Gaussians, other channels or another degree; when the device fails.
-    fn reset_rf(&mut self, rf: &crate::Appearance) -> Result<()>;
+    fn reset_radio(&mut self, radio: &crate::Appearance) -> Result<()>;
 
     /// Sets the rate of positions in metres per step (see [`OptimizerConfig`](crate::OptimizerConfig)).
     fn set_position_rate_m(&mut self, rate_m: f32);
@@ -239,7 +239,7 @@ pub trait Device: Send {
     /// # Errors
     /// Those of [`Self::render`]; when the device fails.
     fn survey(&mut self, request: &SurveyRequest<'_>) -> Result<Survey> {
-        let wanted = RenderRequest { optical: Some((request.view, [0.0; 3])), rf: None, main_contributor: true };
+        let wanted = RenderRequest { light: Some((request.view, [0.0; 3])), radio: None, main_contributor: true };
         let rendering = self.render(&wanted)?;
         Ok(Survey::of(&rendering, &self.outlines()?, request))
     }

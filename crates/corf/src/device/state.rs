@@ -20,7 +20,7 @@ impl Outline {
             .map(|i| Self {
                 position: gaussians.position[i],
                 largest_log_scale: gaussians.log_scale[i].iter().fold(f32::MIN, |m, &s| m.max(s)),
-                opacity_logit: [gaussians.optical.opacity_logit[i], gaussians.rf.opacity_logit[i]],
+                opacity_logit: [gaussians.light.opacity_logit[i], gaussians.radio.opacity_logit[i]],
             })
             .collect()
     }

@@ -64,7 +64,7 @@ impl Survey {
     /// The answer by way of a rendering with main contributors and of all outlines.
     pub(crate) fn of(rendering: &Rendering, outlines: &[Outline], request: &SurveyRequest<'_>) -> Self {
         let judged = outlines.par_iter().map(|o| judge(o, &request.view, &request.prune)).collect();
-        let (Some(layer), Some(main)) = (&rendering.optical, &rendering.main_contributor) else {
+        let (Some(layer), Some(main)) = (&rendering.light, &rendering.main_contributor) else {
             return Self { shown: vec![], judged };
         };
         let structure = request.sigma_px.map(|sigma| laplacian_of_gaussian::probability(&layer.color, sigma));
@@ -83,8 +83,8 @@ impl Survey {
 pub(crate) fn judge(gaussian: &Outline, view: &View, rule: &PruneRule) -> PruneDecision {
     let extent_px = view.camera.width.max(view.camera.height) as f64;
     let focal_px = (view.camera.fx * view.camera.fy).sqrt();
-    let [optical, rf] = gaussian.opacity_logit.map(sigmoid);
-    let opacity = if rule.both_modalities { optical.max(rf) } else { optical };
+    let [light, radio] = gaussian.opacity_logit.map(sigmoid);
+    let opacity = if rule.both_modalities { light.max(radio) } else { light };
     let p: DVec3 = view.world_from_camera.inverse().transform_point(Vec3::from(gaussian.position).as_dvec3());
     let in_frame = view
         .camera

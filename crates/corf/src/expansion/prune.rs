@@ -63,14 +63,14 @@ mod tests {
     fn pruning_asks_both_modalities_the_age_and_the_size() {
         let config = ReconstructionConfig::default();
         let mut field = Gaussians::empty(1, 0);
-        for (optical, rf, sigma_m) in [(0.01, 0.01, 0.1), (0.01, 0.9, 0.1), (0.9, 0.9, 3.0), (0.01, 0.01, 0.1)] {
+        for (light, radio, sigma_m) in [(0.01, 0.01, 0.1), (0.01, 0.9, 0.1), (0.9, 0.9, 3.0), (0.01, 0.01, 0.1)] {
             field.position.push([0.0, 0.0, 2.0]);
             field.rotation.push([1.0, 0.0, 0.0, 0.0]);
             field.log_scale.push([f32::ln(sigma_m), -3.0, -3.0]);
-            field.optical.opacity_logit.push(logit(optical));
-            field.optical.sh.extend([0.0; 3]);
-            field.rf.opacity_logit.push(logit(rf));
-            field.rf.sh.push(0.0);
+            field.light.opacity_logit.push(logit(light));
+            field.light.sh.extend([0.0; 3]);
+            field.radio.opacity_logit.push(logit(radio));
+            field.radio.sh.push(0.0);
         }
         let view = View { camera: Pinhole::from_horizontal_fov(64, 48, 90.0), world_from_camera: Rigid3::IDENTITY };
         let judged = |both_modalities: bool| -> Vec<PruneDecision> {

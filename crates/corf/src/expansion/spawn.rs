@@ -43,15 +43,15 @@ pub struct SpawnSource<'a> {
     /// Optical view: pose and intrinsics.
     pub view: View,
     /// The optical image, sRGB-encoded `[0, 1]`.
-    pub optical: &'a Planes,
+    pub light: &'a Planes,
     /// `P_t` of Eq. (13), from which the scale follows (a constant under uniform sampling).
     pub probability: &'a Raster<f32>,
     /// Intrinsics of the synchronised RF image; the pose is the view's.
-    pub rf_camera: Pinhole,
+    pub radio_camera: Pinhole,
     /// The RF image.
-    pub rf: &'a Planes,
+    pub radio: &'a Planes,
     /// The RF colour of directions the RF image does not see.
-    pub rf_floor: [f32; 3],
+    pub radio_floor: [f32; 3],
 }
 
 /// New Gaussians at the given pixels and depths: back-projected means (Eq. (16)), isotropic scale `z·s'/f` (Eq. (18)), identity rotation,
@@ -65,7 +65,7 @@ pub fn spawn(source: &SpawnSource<'_>, samples: &[PixelDepth], config: &Reconstr
         new.position.extend(part.position);
         new.rotation.extend(part.rotation);
         new.log_scale.extend(part.log_scale);
-        for (all, part) in [(&mut new.optical, part.optical), (&mut new.rf, part.rf)] {
+        for (all, part) in [(&mut new.light, part.light), (&mut new.radio, part.radio)] {
             all.opacity_logit.extend(part.opacity_logit);
             all.sh.extend(part.sh);
         }
@@ -92,21 +92,21 @@ fn spawn_some(source: &SpawnSource<'_>, samples: &[PixelDepth], config: &Reconst
             Reliability::Prior => config.initial_opacity[1],
             Reliability::Triangulated => config.initial_opacity[2],
         };
-        let pixel = (s.y * source.optical.width + s.x) * 3;
-        push_appearance(&mut new.optical, opacity, &source.optical.pixels[pixel..pixel + 3]);
-        let rf = rf_color(source, ray);
-        push_appearance(&mut new.rf, opacity, &rf);
+        let pixel = (s.y * source.light.width + s.x) * 3;
+        push_appearance(&mut new.light, opacity, &source.light.pixels[pixel..pixel + 3]);
+        let radio = radio_color(source, ray);
+        push_appearance(&mut new.radio, opacity, &radio);
     }
     new
 }
 
 /// The RF image's colour along a camera-frame ray, the floor where the RF image does not reach.
-fn rf_color(source: &SpawnSource<'_>, ray: DVec3) -> Vec<f32> {
+fn radio_color(source: &SpawnSource<'_>, ray: DVec3) -> Vec<f32> {
     source
-        .rf_camera
+        .radio_camera
         .project(ray)
-        .and_then(|p| bilinear(source.rf, p.x, p.y))
-        .unwrap_or_else(|| source.rf_floor[..source.rf.channels].to_vec())
+        .and_then(|p| bilinear(source.radio, p.x, p.y))
+        .unwrap_or_else(|| source.radio_floor[..source.radio.channels].to_vec())
 }
 
 /// One Gaussian whose colour is the same from every side.
@@ -132,28 +132,28 @@ mod tests {
     fn a_new_gaussian_reprojects_to_its_pixel_and_looks_like_it_in_both_modalities() {
         let camera = Pinhole::from_horizontal_fov(64, 48, 90.0);
         // The RF image is narrower: its left and right thirds are outside.
-        let rf_camera = Pinhole::from_horizontal_fov(30, 24, 40.0);
+        let radio_camera = Pinhole::from_horizontal_fov(30, 24, 40.0);
         let pose = Rigid3::looking_at(DVec3::new(1.0, 2.0, 1.5), DVec3::new(4.0, 3.0, 1.0), DVec3::Z);
-        let optical =
+        let light =
             Planes { width: 64, height: 48, channels: 3, pixels: (0..64 * 48 * 3).map(|i| (i % 97) as f32 / 97.0).collect() };
         // Linear in u, so bilinear interpolation is exact.
-        let rf = Planes { width: 30, height: 24, channels: 1, pixels: (0..30 * 24).map(|i| (i % 30) as f32 / 30.0).collect() };
+        let radio = Planes { width: 30, height: 24, channels: 1, pixels: (0..30 * 24).map(|i| (i % 30) as f32 / 30.0).collect() };
         let probability = Raster::filled(64, 48, 0.25);
-        let config = ReconstructionConfig { rf_target: crate::RfTarget::Db, ..Default::default() };
+        let config = ReconstructionConfig { radio_target: crate::RadioTarget::Db, ..Default::default() };
         let source = SpawnSource {
             view: View { camera, world_from_camera: pose },
-            optical: &optical,
+            light: &light,
             probability: &probability,
-            rf_camera,
-            rf: &rf,
-            rf_floor: [0.0; 3],
+            radio_camera,
+            radio: &radio,
+            radio_floor: [0.0; 3],
         };
         let samples: Vec<PixelDepth> = [(3, 5, 0.5), (31, 20, 0.2), (36, 28, 0.1)]
             .iter()
             .map(|&(x, y, inverse_depth)| PixelDepth { x, y, inverse_depth, reliability: Reliability::Accurate })
             .collect();
         let new = spawn(&source, &samples, &config);
-        assert_eq!((new.len(), new.rf.sh.len()), (3, 3 * 16));
+        assert_eq!((new.len(), new.radio.sh.len()), (3, 3 * 16));
         for (i, s) in samples.iter().enumerate() {
             let p = pose.inverse().transform_point(glam::Vec3::from(new.position[i]).as_dvec3());
             let u = camera.project(p).unwrap();
@@ -161,12 +161,12 @@ mod tests {
             assert!((u.x - s.x as f64 - 0.5).abs() < 1e-4 && (u.y - s.y as f64 - 0.5).abs() < 1e-4);
             let scale = f64::from(new.log_scale[i][0]).exp();
             assert!((scale * camera.fx / p.z - 1.0).abs() < 1e-5, "one pixel at P = 1/4");
-            let red = 0.5 + SH_C0 * new.optical.sh[i * new.optical.stride()];
-            assert!((red - optical.pixels[(s.y * 64 + s.x) * 3]).abs() < 1e-6);
-            let rf_value = 0.5 + SH_C0 * new.rf.sh[i * 16];
-            let position = rf_camera.project(camera.unproject(s.x as f64 + 0.5, s.y as f64 + 0.5)).unwrap();
+            let red = 0.5 + SH_C0 * new.light.sh[i * new.light.stride()];
+            assert!((red - light.pixels[(s.y * 64 + s.x) * 3]).abs() < 1e-6);
+            let radio_value = 0.5 + SH_C0 * new.radio.sh[i * 16];
+            let position = radio_camera.project(camera.unproject(s.x as f64 + 0.5, s.y as f64 + 0.5)).unwrap();
             let expected = if position.x < 0.0 { 0.0 } else { (position.x - 0.5) as f32 / 30.0 };
-            assert!((rf_value - expected).abs() < 1e-5, "{rf_value} {expected}");
+            assert!((radio_value - expected).abs() < 1e-5, "{radio_value} {expected}");
         }
     }
 }

@@ -25,7 +25,7 @@ fn gaussians<'a>(part: &str, g: &'a Gaussians) -> Vec<Tensor<'a>> {
         Tensor::new(format!("{part}.rotation"), &[n, 4], g.rotation.as_flattened()),
         Tensor::new(format!("{part}.log_scale"), &[n, 3], g.log_scale.as_flattened()),
     ];
-    for (modality, appearance) in [("optical", &g.optical), ("rf", &g.rf)] {
+    for (modality, appearance) in [("optical", &g.light), ("rf", &g.radio)] {
         all.push(Tensor::new(format!("{part}.{modality}.opacity_logit"), &[n], &appearance.opacity_logit[..]));
         all.push(Tensor::new(format!("{part}.{modality}.sh"), &[n, appearance.stride()], &appearance.sh[..]));
     }
@@ -47,8 +47,8 @@ pub fn read(file: &Tensors, n: usize, like: &Gaussians) -> Result<DeviceState> {
             position: file.groups(&format!("{part}.position"), n)?,
             rotation: file.groups(&format!("{part}.rotation"), n)?,
             log_scale: file.groups(&format!("{part}.log_scale"), n)?,
-            optical: appearance("optical", &like.optical)?,
-            rf: appearance("rf", &like.rf)?,
+            light: appearance("optical", &like.light)?,
+            radio: appearance("rf", &like.radio)?,
         })
     };
     let [held, first, second] = PARTS.map(gaussians);

@@ -19,9 +19,9 @@ pub struct Gaussians {
     /// ln of the standard deviations in metres; N.
     pub log_scale: Vec<[f32; 3]>,
     /// Opacity and colour in light: 3 channels, sRGB-encoded `[0, 1]`.
-    pub optical: Appearance,
+    pub light: Appearance,
     /// Opacity and colour at 60 GHz: 3 channels (Jet RGB) or 1 (scalar dB in `[0, 1]`).
-    pub rf: Appearance,
+    pub radio: Appearance,
 }
 
 /// One modality's opacity and view-dependent colour of N Gaussians.
@@ -79,13 +79,13 @@ const LARGEST_LOG_SCALE: f32 = 11.6;
 
 impl Gaussians {
     /// No Gaussians yet; `rf_channels` is 3 (Jet) or 1 (dB).
-    pub fn empty(rf_channels: usize, sh_degree: usize) -> Self {
+    pub fn empty(radio_channels: usize, sh_degree: usize) -> Self {
         Self {
             position: Vec::new(),
             rotation: Vec::new(),
             log_scale: Vec::new(),
-            optical: Appearance::empty(3, sh_degree),
-            rf: Appearance::empty(rf_channels, sh_degree),
+            light: Appearance::empty(3, sh_degree),
+            radio: Appearance::empty(radio_channels, sh_degree),
         }
     }
 
@@ -123,7 +123,7 @@ impl Gaussians {
             if let Some(k) = self.log_scale[i].iter().position(|s| *s > LARGEST_LOG_SCALE) {
                 return diverged(i, ["scale_0", "scale_1", "scale_2"][k], self.log_scale[i][k]);
             }
-            for (prefix, a) in [("", &self.optical), ("rf_", &self.rf)] {
+            for (prefix, a) in [("", &self.light), ("rf_", &self.radio)] {
                 if is_none(&a.opacity_logit[i]) {
                     return diverged(i, &format!("{prefix}opacity"), a.opacity_logit[i]);
                 }
@@ -137,7 +137,7 @@ impl Gaussians {
 
     /// Refuses colours that no device holds: harmonics above degree 3, light of other than 3 channels, RF of other than 3 or 1.
     pub(crate) fn check_colours(&self) -> Result<()> {
-        for (name, a) in [("optical", &self.optical), ("rf", &self.rf)] {
+        for (name, a) in [("optical", &self.light), ("rf", &self.radio)] {
             if a.sh_degree > 3 {
                 let what = format!("spherical harmonics of degree {}", a.sh_degree);
                 return Err(Error::invalid(format!("{name}.sh_degree"), what, "degrees 0 to 3 are supported"));
@@ -157,8 +157,8 @@ impl Gaussians {
             let what = format!("{n} positions, {} rotations, {} scales", self.rotation.len(), self.log_scale.len());
             return Err(Error::invalid("appended Gaussians", what, "give one of each per Gaussian"));
         }
-        self.optical.check_complete("appended Gaussians, optical", n, held[0])?;
-        self.rf.check_complete("appended Gaussians, rf", n, held[1])
+        self.light.check_complete("appended Gaussians, optical", n, held[0])?;
+        self.radio.check_complete("appended Gaussians, rf", n, held[1])
     }
 }
 
@@ -183,7 +183,7 @@ mod tests {
             g.position.push([1.0, 2.0, 3.0e6]);
             g.rotation.push([1.0, 0.0, 0.0, 0.0]);
             g.log_scale.push([-60.0, 11.0, 0.0]);
-            for a in [&mut g.optical, &mut g.rf] {
+            for a in [&mut g.light, &mut g.radio] {
                 a.opacity_logit.push(-200.0);
                 a.sh.extend(vec![0.1; a.stride()]);
             }
@@ -199,8 +199,8 @@ mod tests {
             (of(&|g| g.rotation[2][3] = f32::INFINITY), "Gaussian 2 has rot_3 = inf"),
             (of(&|g| g.log_scale[0][1] = 12.9), "Gaussian 0 has scale_1 = 12.9"),
             (of(&|g| g.log_scale[0][1] = f32::NEG_INFINITY), "scale_1 = -inf"),
-            (of(&|g| g.rf.opacity_logit[2] = f32::NAN), "Gaussian 2 has rf_opacity = NaN"),
-            (of(&|g| g.optical.sh[13] = f32::NAN), "Gaussian 1 has f_dc or f_rest = NaN"),
+            (of(&|g| g.radio.opacity_logit[2] = f32::NAN), "Gaussian 2 has rf_opacity = NaN"),
+            (of(&|g| g.light.sh[13] = f32::NAN), "Gaussian 1 has f_dc or f_rest = NaN"),
         ] {
             assert!(text.contains(words) && text.contains("set smaller learning rates"), "{words} in {text}");
         }

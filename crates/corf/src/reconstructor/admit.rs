@@ -31,8 +31,8 @@ impl Reconstructor {
             let what = "it has an image or a spectrum that those before it lack, or lacks one that they have";
             return Err(Error::invalid(place(), what, "keyframes of a sequence all have light, or none has, and so with radio"));
         }
-        if !has.radio && self.config.rf_weight > 0.0 {
-            let what = format!("it has no spectrum, and rf_weight is {}", self.config.rf_weight);
+        if !has.radio && self.config.radio_weight > 0.0 {
+            let what = format!("it has no spectrum, and rf_weight is {}", self.config.radio_weight);
             return Err(Error::invalid(place(), what, "reconstruct light alone with rf_weight = 0"));
         }
         if let Some((last, _)) = self.last_pose.filter(|l| l.0 >= keyframe.index) {

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    Antialias, CpuDevice, OptimizerConfig, RasterConfig, ReconstructionConfig, RfTarget,
+    Antialias, CpuDevice, OptimizerConfig, RadioTarget, RasterConfig, ReconstructionConfig,
     device::Planes,
     loss::psnr_8bit,
     synthetic::{self, DB_RANGE, light, seen, spectrum},
@@ -18,8 +18,8 @@ fn cameras() -> (Pinhole, Pinhole) {
 }
 
 fn keyframes() -> Vec<Keyframe> {
-    let (optical, rf) = cameras();
-    (0..8).into_par_iter().map(|i| synthetic::keyframe(i, synthetic::pose(i as f64 * 1.2), &optical, &rf, true)).collect()
+    let (light, radio) = cameras();
+    (0..8).into_par_iter().map(|i| synthetic::keyframe(i, synthetic::pose(i as f64 * 1.2), &light, &radio, true)).collect()
 }
 
 fn reconstruct(config: &ReconstructionConfig, seed: u64, frames: &[Keyframe]) -> Reconstructor {
@@ -28,8 +28,8 @@ fn reconstruct(config: &ReconstructionConfig, seed: u64, frames: &[Keyframe]) ->
 }
 
 fn reconstruct_on(device: Box<dyn Device>, config: &ReconstructionConfig, seed: u64, frames: &[Keyframe]) -> Reconstructor {
-    let (optical, rf) = cameras();
-    let mut r = Reconstructor::new(device, config.clone(), optical, rf, DB_RANGE, seed).unwrap();
+    let (light, radio) = cameras();
+    let mut r = Reconstructor::new(device, config.clone(), light, radio, DB_RANGE, seed).unwrap();
     frames.iter().filter(|k| k.index != HELD_OUT).for_each(|k| assert!(r.push(k).is_ok()));
     r.finish(&mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
     r
@@ -46,7 +46,7 @@ fn scores(p: &FieldRendering, k: &Keyframe, config: &ReconstructionConfig) -> (f
         |pixels: Vec<f32>| Planes { width: light(k).image.width(), height: light(k).image.height(), channels: 3, pixels };
     let image = planes(p.image.pixels().iter().flatten().copied().collect());
     let truth = planes(light(k).image.pixels().iter().flatten().map(|&v| f32::from(v) / 255.0).collect());
-    (psnr_8bit(&image, &truth), psnr_8bit(&p.rf, &config.rf_target.encode(spectrum(k), &DB_RANGE)))
+    (psnr_8bit(&image, &truth), psnr_8bit(&p.radio, &config.radio_target.encode(spectrum(k), &DB_RANGE)))
 }
 
 /// PSNR of light when every pixel is the image's mean grey, dB.
@@ -158,7 +158,7 @@ fn a_mask_that_leaves_nothing_out_changes_no_byte_of_a_field() {
 #[test]
 fn fields_are_the_same_bytes_for_a_seed_whatever_the_threads_and_survive_the_disk() {
     let frames = keyframes();
-    let config = ReconstructionConfig { iterations_per_keyframe: 10, rf_target: RfTarget::Db, ..Default::default() };
+    let config = ReconstructionConfig { iterations_per_keyframe: 10, radio_target: RadioTarget::Db, ..Default::default() };
     let with = |threads, seed| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| reconstruct(&config, seed, &frames).field().unwrap())
@@ -239,9 +239,9 @@ fn one_field_trained_on_either_device_ends_at_the_same_errors() {
     let config = ReconstructionConfig { iterations_per_keyframe: 20, ..Default::default() };
     let field = reconstruct(&config, 3, &frames).field().unwrap();
     let (optimizer, raster) = (OptimizerConfig { position_rate_m: 1e-4, ..Default::default() }, RasterConfig::default());
-    let (optical_camera, rf_camera) = cameras();
+    let (light_camera, radio_camera) = cameras();
     let trained = |device: &mut dyn Device| {
-        let mut schedule = Schedule::new(5, config.rf_target.floor_color());
+        let mut schedule = Schedule::new(5, config.radio_target.floor_color());
         schedule.set_depth_weight(0.02);
         for k in frames.iter().filter(|k| k.index != HELD_OUT) {
             let pixels = light(k).image.pixels().iter().flatten().map(|v| f32::from(*v) / 255.0).collect();
@@ -249,16 +249,16 @@ fn one_field_trained_on_either_device_ends_at_the_same_errors() {
             let inverse_depth = crate::device::InverseDepth { value: depth.map(|z| 1.0 / z), confidence: depth.map(|_| 0.5) };
             let view = crate::device::TrainingView {
                 world_from_camera: k.world_from_camera,
-                optical_camera,
-                optical: Planes { width: light(k).image.width(), height: light(k).image.height(), channels: 3, pixels },
-                rf_camera,
-                rf: config.rf_target.encode(spectrum(k), &DB_RANGE),
+                light_camera,
+                light: Planes { width: light(k).image.width(), height: light(k).image.height(), channels: 3, pixels },
+                radio_camera,
+                radio: config.radio_target.encode(spectrum(k), &DB_RANGE),
                 inverse_depth: Some(inverse_depth),
                 mask: None,
             };
             schedule.push(device.upload(&view, config.pyramid_levels).unwrap());
         }
-        let weights = StageWeights { optical: 1.0, rf: config.rf_weight, depth: true, geometry: true };
+        let weights = StageWeights { light: 1.0, radio: config.radio_weight, depth: true, geometry: true };
         device.train(&schedule.online(150, config.latest_probability, weights, &config)).unwrap();
         let each = frames.iter().map(|k| scores(&field.render(device, k.world_from_camera).unwrap(), k, &config));
         each.fold((0.0, 0.0), |sum, q| (sum.0 + q.0 / frames.len() as f64, sum.1 + q.1 / frames.len() as f64))

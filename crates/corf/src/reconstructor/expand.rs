@@ -56,7 +56,7 @@ struct Change {
 impl Reconstructor {
     /// Expands the field with one keyframe and adds it to the buffer of the schedule.
     pub(super) fn expand(&mut self, mut keyframe: Prepared) -> Result<Expansion> {
-        let view = View { camera: self.meta.optical_camera, world_from_camera: keyframe.training.world_from_camera };
+        let view = View { camera: self.meta.light_camera, world_from_camera: keyframe.training.world_from_camera };
         let (seen, judged) = self.survey(view, &mut keyframe)?;
         let late = self.online_steps(self.config.overlapped_iterations);
         let trained = if late.is_empty() { None } else { self.device.begin_training(&late)? };
@@ -100,11 +100,11 @@ impl Reconstructor {
         // The new ones.
         let source = spawn::SpawnSource {
             view,
-            optical: &keyframe.training.optical,
+            light: &keyframe.training.light,
             probability: &keyframe.probability,
-            rf_camera: self.meta.rf_camera,
-            rf: &keyframe.training.rf,
-            rf_floor: self.meta.rf_target.floor_color(),
+            radio_camera: self.meta.radio_camera,
+            radio: &keyframe.training.radio,
+            radio_floor: self.meta.radio_target.floor_color(),
         };
         let new = spawn::spawn(&source, &samples, config);
         let replaced = replaced.iter().filter(|r| **r).count();
@@ -126,7 +126,7 @@ impl Reconstructor {
     fn match_now(&self, keyframe: &mut Prepared, seen: &Seen, pixels: &[(usize, usize)]) -> Result<Vec<PixelDepth>> {
         if let (None, Some(mono)) = (&keyframe.aligned, &keyframe.mono) {
             // Too little was triangulated: the field itself says how far things are.
-            let anchors = rendered_anchors(seen, self.meta.optical_camera, LEAST_COVERAGE);
+            let anchors = rendered_anchors(seen, self.meta.light_camera, LEAST_COVERAGE);
             keyframe.aligned = depth::align(mono, &anchors, &self.config.depth);
             keyframe.training.inverse_depth = keyframe.aligned.as_ref().map(inverse_depth);
             keyframe.correct(&self.config);
@@ -170,7 +170,7 @@ impl Reconstructor {
         let prune = PruneRule {
             opacity: self.config.prune_opacity,
             // What light trains alone leaves the RF opacities as they were born: they say nothing there.
-            both_modalities: self.config.coupling == Coupling::Joint && self.config.rf_weight > 0.0,
+            both_modalities: self.config.coupling == Coupling::Joint && self.config.radio_weight > 0.0,
             image_fraction: self.config.prune_image_fraction,
         };
         let sigma_px = (self.config.sampling == Sampling::Log).then_some(self.config.log_sigma_px);

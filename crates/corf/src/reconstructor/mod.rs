@@ -94,16 +94,22 @@ impl Reconstructor {
     pub fn new(
         mut device: Box<dyn Device>,
         mut config: ReconstructionConfig,
-        optical_camera: Pinhole,
-        rf_camera: Pinhole,
+        light_camera: Pinhole,
+        radio_camera: Pinhole,
         db_range: DbRange,
         seed: u64,
     ) -> Result<Self> {
         config.validate()?;
-        config = config.for_images(optical_camera.width, optical_camera.height);
-        let rf_target = config.rf_target;
-        let meta =
-            FieldMeta { rf_target, db_range, optical_camera, rf_camera, rf_background: None, modalities: Modalities::BOTH };
+        config = config.for_images(light_camera.width, light_camera.height);
+        let radio_target = config.radio_target;
+        let meta = FieldMeta {
+            radio_target,
+            db_range,
+            light_camera,
+            radio_camera,
+            radio_background: None,
+            modalities: Modalities::BOTH,
+        };
         meta.validate()?;
         if !device.is_empty() {
             return Err(Error::invalid(
@@ -119,14 +125,14 @@ impl Reconstructor {
                 "make it with ReconstructionConfig::empty_field",
             ));
         }
-        Self::check_cameras(&config, &optical_camera, &rf_camera)?;
+        Self::check_cameras(&config, &light_camera, &radio_camera)?;
         let background = (!device.trains_on_the_host()).then(rayon::current_num_threads);
         // Where steps are taken during an expansion, what it needs can wait for it.
         let eager = background.is_some() && config.overlapped_iterations == 0;
         let preparer = Preparer::new(&config, &meta, seed, device.packer(), eager)?;
         Ok(Self {
             ahead: KeyframePipeline::new(preparer, prepare::Past::new(&config), background),
-            schedule: Schedule::new(seed, config.rf_target.floor_color()),
+            schedule: Schedule::new(seed, config.radio_target.floor_color()),
             device,
             config,
             meta,
@@ -151,14 +157,14 @@ impl Reconstructor {
     ///
     /// # Errors
     /// A pyramid whose smallest level is no image any more; images with more pixels than patches can be numbered.
-    pub fn check_cameras(config: &ReconstructionConfig, optical_camera: &Pinhole, rf_camera: &Pinhole) -> Result<()> {
+    pub fn check_cameras(config: &ReconstructionConfig, light_camera: &Pinhole, radio_camera: &Pinhole) -> Result<()> {
         // The smallest pyramid level that steps look at must still be an image.
-        let config = config.clone().for_images(optical_camera.width, optical_camera.height);
+        let config = config.clone().for_images(light_camera.width, light_camera.height);
         let of_light = config.pyramid_levels;
-        let (of_rf, rf_key) =
-            config.rf_pyramid_levels.map_or((of_light, "pyramid_levels"), |n| (n.min(of_light), "rf_pyramid_levels"));
+        let (of_radio, radio_key) =
+            config.radio_pyramid_levels.map_or((of_light, "pyramid_levels"), |n| (n.min(of_light), "rf_pyramid_levels"));
         for (name, key, levels, camera) in
-            [("optical", "pyramid_levels", of_light, optical_camera), ("RF", rf_key, of_rf, rf_camera)]
+            [("optical", "pyramid_levels", of_light, light_camera), ("RF", radio_key, of_radio, radio_camera)]
         {
             let coarsest = levels - 1;
             if camera.width >> coarsest < 8 || camera.height >> coarsest < 8 {
@@ -173,8 +179,8 @@ impl Reconstructor {
                 ));
             }
         }
-        if optical_camera.width.saturating_mul(optical_camera.height) > depth::patch::MAX_PIXELS {
-            let what = format!("{}x{} pixels are more than 2^24", optical_camera.width, optical_camera.height);
+        if light_camera.width.saturating_mul(light_camera.height) > depth::patch::MAX_PIXELS {
+            let what = format!("{}x{} pixels are more than 2^24", light_camera.width, light_camera.height);
             return Err(Error::invalid("the optical camera", what, "reconstruct from smaller images"));
         }
         Ok(())
@@ -442,13 +448,13 @@ impl Reconstructor {
     }
 
     fn online_weights(&self) -> StageWeights {
-        let rf = if self.config.coupling == Coupling::Joint { self.config.rf_weight } else { 0.0 };
-        StageWeights { optical: 1.0, rf, depth: true, geometry: true }
+        let radio = if self.config.coupling == Coupling::Joint { self.config.radio_weight } else { 0.0 };
+        StageWeights { light: 1.0, radio, depth: true, geometry: true }
     }
 
     fn second_stage_weights(&self) -> StageWeights {
         // The loss has one term, and Adam is blind to a common factor: its weight is 1.
-        StageWeights { optical: 0.0, rf: 1.0, depth: false, geometry: self.config.coupling == Coupling::RfTuned }
+        StageWeights { light: 0.0, radio: 1.0, depth: false, geometry: self.config.coupling == Coupling::RadioTuned }
     }
 
     /// Radio on a geometry learnt from light.
@@ -459,11 +465,11 @@ impl Reconstructor {
     ) -> Result<()> {
         // No step has touched the RF appearance: colour and opacity are those the Gaussians were born with.
         let field = self.device.gaussians()?;
-        let mut rf = field.rf;
-        if self.config.second_stage_opacity == SecondStageOpacity::Optical {
-            rf.opacity_logit = field.optical.opacity_logit;
+        let mut radio = field.radio;
+        if self.config.second_stage_opacity == SecondStageOpacity::Light {
+            radio.opacity_logit = field.light.opacity_logit;
         }
-        self.device.reset_rf(&rf)?;
+        self.device.reset_radio(&radio)?;
         let (weights, total) = (self.second_stage_weights(), self.schedule.online_steps());
         let mut done = 0;
         while done < total {

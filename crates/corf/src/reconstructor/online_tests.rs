@@ -22,10 +22,10 @@ fn cameras() -> (Pinhole, Pinhole) {
 
 /// Every second one with a mask.
 fn keyframes() -> Vec<Keyframe> {
-    let (optical, rf) = cameras();
+    let (light, radio) = cameras();
     let one = |i: usize| {
-        let plain = synthetic::keyframe(2 * i, synthetic::pose(i as f64 * 1.5), &optical, &rf, true);
-        let mask = Raster::from_fn(optical.width, optical.height, |x, y| x > 9 * i || y < 8);
+        let plain = synthetic::keyframe(2 * i, synthetic::pose(i as f64 * 1.5), &light, &radio, true);
+        let mask = Raster::from_fn(light.width, light.height, |x, y| x > 9 * i || y < 8);
         synthetic::seen(&plain, |light| light.mask = (i % 2 == 1).then_some(mask))
     };
     (0..COUNT).map(one).collect()
@@ -41,8 +41,8 @@ fn cpu(config: &ReconstructionConfig) -> Box<dyn Device> {
 }
 
 fn fresh(device: Box<dyn Device>, config: &ReconstructionConfig) -> Reconstructor {
-    let (optical, rf) = cameras();
-    Reconstructor::new(device, config.clone(), optical, rf, DB_RANGE, 3).unwrap()
+    let (light, radio) = cameras();
+    Reconstructor::new(device, config.clone(), light, radio, DB_RANGE, 3).unwrap()
 }
 
 fn finish(r: &mut Reconstructor) -> Gaussians {
@@ -82,8 +82,8 @@ impl Device for Wrapped {
     fn retain(&mut self, keep: &[bool]) -> Result<()> {
         self.inner.retain(keep)
     }
-    fn reset_rf(&mut self, rf: &crate::Appearance) -> Result<()> {
-        self.inner.reset_rf(rf)
+    fn reset_radio(&mut self, radio: &crate::Appearance) -> Result<()> {
+        self.inner.reset_radio(radio)
     }
     fn set_position_rate_m(&mut self, rate_m: f32) {
         self.inner.set_position_rate_m(rate_m);

@@ -31,8 +31,8 @@ pub(super) struct Extracted {
     pub view: Arc<GreyView>,
     index: usize,
     world_from_camera: Rigid3,
-    optical: Planes,
-    rf: Planes,
+    light: Planes,
+    radio: Planes,
     mask: Option<Raster<bool>>,
     mono: Option<Dense>,
     probability: Raster<f32>,
@@ -185,7 +185,7 @@ impl Preparer {
 
     /// The keyframe as matching sees it; `light` is its guide, here as below.
     pub fn view(&self, keyframe: &Keyframe, light: &Light) -> Arc<GreyView> {
-        Arc::new(GreyView::of(keyframe.index, keyframe.world_from_camera, light, self.meta.optical_camera))
+        Arc::new(GreyView::of(keyframe.index, keyframe.world_from_camera, light, self.meta.light_camera))
     }
 
     /// The keyframe's prior, as it comes, with holes where the keyframe's mask leaves pixels out.
@@ -199,9 +199,9 @@ impl Preparer {
 
     /// The keyframe as a training target.
     pub fn training_view(&self, keyframe: &Keyframe, light: &Light, prior: Option<&AlignedPrior>) -> TrainingView {
-        let rf = crate::keyframe::rf(keyframe.radio.as_ref(), &self.meta);
+        let radio = crate::keyframe::radio(keyframe.radio.as_ref(), &self.meta);
         let (pose, mask) = (keyframe.world_from_camera, light.mask.clone());
-        crate::keyframe::training_view(pose, crate::keyframe::optical(light), rf, prior.map(inverse_depth), mask, &self.meta)
+        crate::keyframe::training_view(pose, crate::keyframe::light(light), radio, prior.map(inverse_depth), mask, &self.meta)
     }
 
     /// The training view of a keyframe that could not be packed before the field had aligned its prior, on a device that packs.
@@ -220,12 +220,12 @@ impl Preparer {
     pub fn extract(&self, keyframe: &Keyframe) -> Result<Extracted> {
         let begin = Instant::now();
         let guide = &*self.guide(keyframe)?;
-        let optical = crate::keyframe::optical(guide);
+        let light = crate::keyframe::light(guide);
         let sampling = self.config.sampling;
         let least = self.config.least_probability;
         let mut probability = match sampling {
-            Sampling::Uniform => Raster::filled(optical.width, optical.height, self.config.uniform_probability),
-            Sampling::Log => laplacian_of_gaussian::probability(&optical, self.config.log_sigma_px).map(|p| p.max(least)),
+            Sampling::Uniform => Raster::filled(light.width, light.height, self.config.uniform_probability),
+            Sampling::Log => laplacian_of_gaussian::probability(&light, self.config.log_sigma_px).map(|p| p.max(least)),
         };
         if let Some(mask) = &guide.mask {
             let pixels = probability.pixels_mut().iter_mut().zip(mask.pixels());
@@ -237,8 +237,8 @@ impl Preparer {
             view: self.view(keyframe, guide),
             index: keyframe.index,
             world_from_camera: keyframe.world_from_camera,
-            optical,
-            rf: crate::keyframe::rf(keyframe.radio.as_ref(), &self.meta),
+            light,
+            radio: crate::keyframe::radio(keyframe.radio.as_ref(), &self.meta),
             mask: guide.mask.clone(),
             mono: self.mono(keyframe, guide)?,
             probability,
@@ -280,14 +280,14 @@ impl Preparer {
             true => Some(AlignedPrior::new(m, 1.0, 0.0, &self.config.depth)),
             false => depth::align(m, &anchors, &self.config.depth),
         });
-        let grid = (aligned.is_none() && mono.is_some()).then(|| anchor_grid(self.meta.optical_camera));
+        let grid = (aligned.is_none() && mono.is_some()).then(|| anchor_grid(self.meta.light_camera));
         let mut asked = extracted.candidates.clone();
         asked.extend(anchors.iter().map(|a| (a.x, a.y)).chain(grid.into_iter().flatten()));
         // Nearly in order: what is drawn is.
         asked.sort_by_key(|&(x, y)| (y, x));
         asked.dedup();
         let (pose, depth) = (extracted.world_from_camera, aligned.as_ref().map(inverse_depth));
-        let training = crate::keyframe::training_view(pose, extracted.optical, extracted.rf, depth, extracted.mask, &self.meta);
+        let training = crate::keyframe::training_view(pose, extracted.light, extracted.radio, depth, extracted.mask, &self.meta);
         let mut prepared = Prepared {
             index: extracted.index,
             training,

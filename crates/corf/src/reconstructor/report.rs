@@ -29,9 +29,11 @@ pub struct KeyframeReport {
     /// Optimisation steps run.
     pub steps: usize,
     /// Unweighted optical loss of the last step.
-    pub optical_loss: f32,
+    #[serde(rename = "optical_loss")]
+    pub light_loss: f32,
     /// Unweighted RF loss of the last step.
-    pub rf_loss: f32,
+    #[serde(rename = "rf_loss")]
+    pub radio_loss: f32,
     /// Unweighted depth loss of the last step, 1/m.
     pub depth_loss: f32,
     /// Whether ground-truth depth was consumed (by the simulated prior).
@@ -40,7 +42,7 @@ pub struct KeyframeReport {
 
 impl KeyframeReport {
     pub(super) fn set_losses(&mut self, last: &StepReport) {
-        (self.optical_loss, self.rf_loss, self.depth_loss) = (last.optical_loss, last.rf_loss, last.depth_loss);
+        (self.light_loss, self.radio_loss, self.depth_loss) = (last.light_loss, last.radio_loss, last.depth_loss);
     }
 
     pub(super) fn set_expansion(&mut self, e: &Expansion) {

@@ -16,9 +16,9 @@ const LEAST_DEPTH_DECAY: f32 = 1e-3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageWeights {
     /// Weight of the optical loss.
-    pub optical: f32,
+    pub light: f32,
     /// Weight of the RF loss.
-    pub rf: f32,
+    pub radio: f32,
     /// Whether the inverse-depth term takes part.
     pub depth: bool,
     /// Whether geometry is updated.
@@ -31,7 +31,7 @@ pub struct Schedule {
     seed: u64,
     steps_drawn: u64,
     views: Vec<(ViewId, usize)>,
-    rf_floor: [f32; 3],
+    radio_floor: [f32; 3],
     /// η at the first visit, in this world's units.
     depth_weight: f32,
     /// Keyframe and pyramid levels of every online step, in order: what a second stage repeats.
@@ -64,8 +64,8 @@ impl Schedule {
     }
 
     /// An empty buffer.
-    pub fn new(seed: u64, rf_floor: [f32; 3]) -> Self {
-        Self { seed, steps_drawn: 0, views: Vec::new(), rf_floor, depth_weight: 0.0, online: Vec::new() }
+    pub fn new(seed: u64, radio_floor: [f32; 3]) -> Self {
+        Self { seed, steps_drawn: 0, views: Vec::new(), radio_floor, depth_weight: 0.0, online: Vec::new() }
     }
 
     /// Adds the latest keyframe.
@@ -89,12 +89,12 @@ impl Schedule {
         let step = |&(view, levels): &(ViewId, [u32; 2])| Step {
             view,
             levels,
-            optical_weight: weights.optical,
-            rf_weight: weights.rf,
+            light_weight: weights.light,
+            radio_weight: weights.radio,
             depth_weight: 0.0,
             train_geometry: weights.geometry,
-            optical_background: [0.0; 3],
-            rf_background: self.rf_floor,
+            light_background: [0.0; 3],
+            radio_background: self.radio_floor,
         };
         self.online[range].iter().map(step).collect()
     }
@@ -156,20 +156,20 @@ impl Schedule {
         let coarsest = config.pyramid_levels - 1;
         let level = coarsest.saturating_sub((*visits / config.visits_per_level) as u32);
         let spared = level == 0 && !spread(*visits, config.finest_share.unwrap_or(1.0));
-        let rf_level = level.min(config.rf_pyramid_levels.map_or(coarsest, |n| n - 1));
-        let levels = [if spared { coarsest.min(1) } else { level }, rf_level];
+        let radio_level = level.min(config.radio_pyramid_levels.map_or(coarsest, |n| n - 1));
+        let levels = [if spared { coarsest.min(1) } else { level }, radio_level];
         let decay = config.depth_weight_decay.powi((*visits).min(10_000) as i32);
         let depth_weight = if weights.depth && decay >= LEAST_DEPTH_DECAY { self.depth_weight * decay } else { 0.0 };
         *visits += 1;
         Step {
             view: *view,
             levels,
-            optical_weight: weights.optical,
-            rf_weight: weights.rf,
+            light_weight: weights.light,
+            radio_weight: weights.radio,
             depth_weight,
             train_geometry: weights.geometry,
-            optical_background: [rng.uniform(), rng.uniform(), rng.uniform()],
-            rf_background: self.rf_floor,
+            light_background: [rng.uniform(), rng.uniform(), rng.uniform()],
+            radio_background: self.radio_floor,
         }
     }
 }
@@ -184,7 +184,7 @@ fn spread(k: usize, share: f32) -> bool {
 mod tests {
     use super::*;
 
-    const JOINT: StageWeights = StageWeights { optical: 1.0, rf: 0.1, depth: true, geometry: true };
+    const JOINT: StageWeights = StageWeights { light: 1.0, radio: 0.1, depth: true, geometry: true };
 
     fn schedule(views: usize, seed: u64) -> Schedule {
         let mut s = Schedule::new(seed, [0.0, 0.0, 0.5]);
@@ -213,8 +213,8 @@ mod tests {
         assert!((steps[3].depth_weight - 0.01 * 0.9f32.powi(3)).abs() < 1e-9);
         let later = schedule(1, 1).online(80, 0.2, JOINT, &config);
         assert!(later[65].depth_weight > 0.0 && later[66].depth_weight == 0.0, "0.9^65 is above a thousandth");
-        assert_ne!(steps[0].optical_background, steps[1].optical_background);
-        assert_eq!(steps[0].rf_background, [0.0, 0.0, 0.5]);
+        assert_ne!(steps[0].light_background, steps[1].light_background);
+        assert_eq!(steps[0].radio_background, [0.0, 0.0, 0.5]);
     }
 
     #[test]
@@ -227,7 +227,7 @@ mod tests {
         assert_eq!(levels[..10], [2, 2, 2, 2, 2, 1, 1, 1, 1, 1]);
         // A quarter in every run of four.
         assert!(levels[10..].chunks_exact(4).all(|run| run.iter().filter(|l| **l == 0).count() == 1), "{levels:?}");
-        let fine = ReconstructionConfig { rf_pyramid_levels: Some(1), ..ReconstructionConfig::default() };
+        let fine = ReconstructionConfig { radio_pyramid_levels: Some(1), ..ReconstructionConfig::default() };
         let levels: Vec<[u32; 2]> = self::schedule(1, 1).online(11, 0.2, JOINT, &fine).iter().map(|s| s.levels).collect();
         assert_eq!([levels[0], levels[5], levels[10]], [[2, 0], [1, 0], [0, 0]], "the spectrum alone starts fine");
         assert_eq!(schedule.epoch(JOINT, &config)[0].levels, [0; 2]);

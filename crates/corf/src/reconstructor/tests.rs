@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    Appearance, Gaussians, ReconstructionConfig, RfTarget, Sampling,
+    Appearance, Gaussians, RadioTarget, ReconstructionConfig, Sampling,
     config::{DepthConfig, DepthPriorKind},
     device::{Layer, Planes, RenderRequest, Rendering, TrainingView, ViewId},
     gaussians::sigmoid,
@@ -50,7 +50,7 @@ impl Device for Recorder {
         self.field.position.extend(&new.position);
         self.field.rotation.extend(&new.rotation);
         self.field.log_scale.extend(&new.log_scale);
-        for (a, b) in [(&mut self.field.optical, &new.optical), (&mut self.field.rf, &new.rf)] {
+        for (a, b) in [(&mut self.field.light, &new.light), (&mut self.field.radio, &new.radio)] {
             a.opacity_logit.extend(&b.opacity_logit);
             a.sh.extend(&b.sh);
         }
@@ -64,16 +64,16 @@ impl Device for Recorder {
         filter(&mut self.field.position, keep, 1);
         filter(&mut self.field.rotation, keep, 1);
         filter(&mut self.field.log_scale, keep, 1);
-        for a in [&mut self.field.optical, &mut self.field.rf] {
+        for a in [&mut self.field.light, &mut self.field.radio] {
             let stride = a.stride();
             filter(&mut a.opacity_logit, keep, 1);
             filter(&mut a.sh, keep, stride);
         }
         Ok(())
     }
-    fn reset_rf(&mut self, rf: &Appearance) -> Result<()> {
-        self.field.rf = rf.clone();
-        self.log.lock().unwrap().resets.push(rf.clone());
+    fn reset_radio(&mut self, radio: &Appearance) -> Result<()> {
+        self.field.radio = radio.clone();
+        self.log.lock().unwrap().resets.push(radio.clone());
         Ok(())
     }
     fn set_position_rate_m(&mut self, rate_m: f32) {
@@ -92,16 +92,16 @@ impl Device for Recorder {
             transmittance: Raster::filled(camera.width, camera.height, 1.0 - log.coverage),
         };
         Ok(Rendering {
-            optical: request.optical.map(|(v, b)| layer(v.camera, 3, b)),
-            rf: request.rf.map(|(v, b)| layer(v.camera, self.field.rf.channels, b)),
-            main_contributor: request.optical.map(|(v, _)| Raster::filled(v.camera.width, v.camera.height, log.main)),
+            light: request.light.map(|(v, b)| layer(v.camera, 3, b)),
+            radio: request.radio.map(|(v, b)| layer(v.camera, self.field.radio.channels, b)),
+            main_contributor: request.light.map(|(v, _)| Raster::filled(v.camera.width, v.camera.height, log.main)),
         })
     }
     fn train(&mut self, steps: &[Step]) -> Result<StepReport> {
         self.log.lock().unwrap().steps.extend(steps);
         // Something an optimiser might do to the opacity, so that stages can be told apart.
-        self.field.optical.opacity_logit.iter_mut().for_each(|o| *o += 0.01);
-        Ok(StepReport { optical_loss: 0.5, rf_loss: 0.25, depth_loss: 0.125, visible: self.field.len() })
+        self.field.light.opacity_logit.iter_mut().for_each(|o| *o += 0.01);
+        Ok(StepReport { light_loss: 0.5, radio_loss: 0.25, depth_loss: 0.125, visible: self.field.len() })
     }
     fn gaussians(&mut self) -> Result<Gaussians> {
         Ok(self.field.clone())
@@ -113,15 +113,15 @@ fn cameras() -> (Pinhole, Pinhole) {
 }
 
 fn keyframes(count: usize) -> Vec<Keyframe> {
-    let (optical, rf) = cameras();
-    (0..count).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64 * 1.5), &optical, &rf, true)).collect()
+    let (light, radio) = cameras();
+    (0..count).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64 * 1.5), &light, &radio, true)).collect()
 }
 
 fn reconstructor(config: ReconstructionConfig, seed: u64) -> (Reconstructor, Arc<Mutex<Log>>) {
     let log = Arc::new(Mutex::new(Log { main: u32::MAX, inverse_depth: 0.2, ..Log::default() }));
     let device = Recorder { log: log.clone(), field: config.empty_field() };
-    let (optical, rf) = cameras();
-    (Reconstructor::new(Box::new(device), config, optical, rf, synthetic::DB_RANGE, seed).unwrap(), log)
+    let (light, radio) = cameras();
+    (Reconstructor::new(Box::new(device), config, light, radio, synthetic::DB_RANGE, seed).unwrap(), log)
 }
 
 fn run(config: ReconstructionConfig, seed: u64, keyframes: &[Keyframe]) -> (Reconstructor, Arc<Mutex<Log>>, Vec<KeyframeReport>) {
@@ -134,23 +134,23 @@ fn run(config: ReconstructionConfig, seed: u64, keyframes: &[Keyframe]) -> (Reco
 /// Steps look at no more levels of the spectrum than it is to have: how many an image has says nothing of it.
 #[test]
 fn the_size_check_heeds_the_levels_of_the_spectrum() {
-    let make = |levels: u32, of_rf: Option<u32>, rf: [usize; 2]| {
-        let config = ReconstructionConfig { pyramid_levels: levels, rf_pyramid_levels: of_rf, ..Default::default() };
+    let make = |levels: u32, of_radio: Option<u32>, radio: [usize; 2]| {
+        let config = ReconstructionConfig { pyramid_levels: levels, radio_pyramid_levels: of_radio, ..Default::default() };
         let device = Recorder { log: Arc::default(), field: config.empty_field() };
-        let optical = Pinhole::from_horizontal_fov(33, 19, 90.0);
-        let rf = Pinhole::from_horizontal_fov(rf[0], rf[1], 90.0);
-        Reconstructor::new(Box::new(device), config, optical, rf, synthetic::DB_RANGE, 1).map(|_| ()).map_err(|e| e.to_string())
+        let light = Pinhole::from_horizontal_fov(33, 19, 90.0);
+        let radio = Pinhole::from_horizontal_fov(radio[0], radio[1], 90.0);
+        Reconstructor::new(Box::new(device), config, light, radio, synthetic::DB_RANGE, 1).map(|_| ()).map_err(|e| e.to_string())
     };
     assert_eq!(make(2, Some(1), [17, 9]), Ok(()));
     assert_eq!(make(1, None, [8, 8]), Ok(()));
     assert_eq!(make(2, Some(2), [16, 16]), Ok(()));
-    for (levels, of_rf, rf, key, words) in [
+    for (levels, of_radio, radio, key, words) in [
         (2, None, [17, 9], "`pyramid_levels`", "level 1 of the 17x9 RF image"),
         (2, Some(2), [17, 9], "`rf_pyramid_levels`", "level 1 of the 17x9 RF image"),
         (2, Some(1), [17, 7], "`rf_pyramid_levels`", "level 0 of the 17x7 RF image"),
         (3, Some(1), [17, 9], "`pyramid_levels`", "level 2 of the 33x19 optical image"),
     ] {
-        let error = make(levels, of_rf, rf).unwrap_err();
+        let error = make(levels, of_radio, radio).unwrap_err();
         assert!(error.contains(key) && error.contains(words), "{error}");
     }
 }
@@ -172,8 +172,8 @@ fn every_keyframe_is_expanded_once_and_gets_its_iterations() {
     assert!(spawned > 500, "{spawned}");
     assert!(reports[3].accurate_share > 0.2 && reports[2].ground_truth_depth_used && reports[2].prior_aligned);
     // Steps of the published method: joint, λ = 0.1, every background its own, radio on its floor.
-    assert!(log.steps.iter().all(|s| s.optical_weight == 1.0 && s.rf_weight == 0.1 && s.train_geometry));
-    assert!(log.steps.iter().all(|s| s.rf_background == RfTarget::Jet.floor_color()));
+    assert!(log.steps.iter().all(|s| s.light_weight == 1.0 && s.radio_weight == 0.1 && s.train_geometry));
+    assert!(log.steps.iter().all(|s| s.radio_background == RadioTarget::Jet.floor_color()));
     // The world scale is that of the first baselines: 0.36 m on this walk.
     let field = r.field().unwrap().gaussians;
     let mean = (1..5)
@@ -189,8 +189,8 @@ fn every_keyframe_is_expanded_once_and_gets_its_iterations() {
 #[test]
 fn two_stage_couplings_take_as_many_radio_steps_on_a_geometry_that_light_made() {
     let frames = keyframes(4);
-    for (coupling, geometry) in [(Coupling::Frozen, false), (Coupling::RfTuned, true)] {
-        let config = ReconstructionConfig { coupling, rf_target: RfTarget::Db, ..Default::default() };
+    for (coupling, geometry) in [(Coupling::Frozen, false), (Coupling::RadioTuned, true)] {
+        let config = ReconstructionConfig { coupling, radio_target: RadioTarget::Db, ..Default::default() };
         let (mut r, log) = reconstructor(config, 1);
         frames.iter().for_each(|k| assert!(r.push(k).is_ok()));
         let before = r.field().unwrap().gaussians;
@@ -203,14 +203,14 @@ fn two_stage_couplings_take_as_many_radio_steps_on_a_geometry_that_light_made() 
         assert_eq!(progress.last(), Some(&(300, 300)));
         let log = log.lock().unwrap();
         let (first, second) = log.steps.split_at(300);
-        assert!(first.iter().all(|s| s.rf_weight == 0.0 && s.optical_weight == 1.0 && s.train_geometry));
+        assert!(first.iter().all(|s| s.radio_weight == 0.0 && s.light_weight == 1.0 && s.train_geometry));
         assert_eq!(second.len(), 300);
-        assert!(second.iter().all(|s| s.optical_weight == 0.0 && s.rf_weight > 0.0 && s.depth_weight == 0.0));
+        assert!(second.iter().all(|s| s.light_weight == 0.0 && s.radio_weight > 0.0 && s.depth_weight == 0.0));
         assert!(second.iter().all(|s| s.train_geometry == geometry));
         assert_eq!(second[0].levels, [2; 2], "the second stage begins coarse");
         assert_eq!(log.resets.len(), 1);
-        assert_eq!(log.resets[0].sh, before.rf.sh, "colours as sampled from the spectra");
-        assert_eq!(log.resets[0].opacity_logit, before.optical.opacity_logit, "the opacity light has learnt");
+        assert_eq!(log.resets[0].sh, before.radio.sh, "colours as sampled from the spectra");
+        assert_eq!(log.resets[0].opacity_logit, before.light.opacity_logit, "the opacity light has learnt");
     }
 }
 
@@ -290,8 +290,8 @@ fn nothing_is_born_where_pixels_do_not_count_and_no_depth_is_learnt_there() {
 fn a_target_continues_under_its_mask_and_is_the_image_elsewhere() {
     let k = with_a_passer_by(&keyframes(1)[0]);
     let light = light(&k);
-    let of_mask = |mask| crate::keyframe::optical(&Light { mask, ..light.clone() });
-    let (plain, target) = (of_mask(None), crate::keyframe::optical(light));
+    let of_mask = |mask| crate::keyframe::light(&Light { mask, ..light.clone() });
+    let (plain, target) = (of_mask(None), crate::keyframe::light(light));
     let mask = light.mask.as_ref().unwrap();
     for (i, (a, b)) in target.pixels.chunks(3).zip(plain.pixels.chunks(3)).enumerate() {
         assert!(!mask.pixels()[i] || a == b);
@@ -331,7 +331,7 @@ fn a_keyframe_joins_after_the_last_steps_of_the_one_before() {
                 0 => assert_eq!(report.steps, 0, "the first ones are collected"),
                 1 => {
                     assert_eq!(report.steps, 20);
-                    assert!(steps[..late].iter().all(|s| s.view.0 < k) && report.optical_loss > 0.0);
+                    assert!(steps[..late].iter().all(|s| s.view.0 < k) && report.light_loss > 0.0);
                     assert_eq!(steps[late..].iter().any(|s| s.view.0 == k), late < 20);
                 }
                 first => assert_eq!(report.steps, 20 * first - late, "the last of them waits for a keyframe"),
@@ -348,8 +348,8 @@ fn a_keyframe_joins_after_the_last_steps_of_the_one_before() {
 #[test]
 fn new_gaussians_are_born_with_the_same_opacity_in_both_modalities() {
     let (mut r, _, _) = run(ReconstructionConfig { iterations_per_keyframe: 1, ..Default::default() }, 1, &keyframes(3));
-    let rf = r.field().unwrap().gaussians.rf.opacity_logit;
-    let born: std::collections::BTreeSet<u32> = rf.iter().map(|&o| (sigmoid(o) * 1000.0).round() as u32).collect();
+    let radio = r.field().unwrap().gaussians.radio.opacity_logit;
+    let born: std::collections::BTreeSet<u32> = radio.iter().map(|&o| (sigmoid(o) * 1000.0).round() as u32).collect();
     assert!(born.is_subset(&[70, 20, 200].into()), "{born:?}");
     assert!(born.contains(&70) && born.contains(&20));
 }
@@ -402,13 +402,14 @@ fn bad_keyframes_are_refused_with_their_index_and_leave_the_field_alone() {
 #[test]
 fn without_light_growth_is_guided_by_the_spectrum() {
     let depth = DepthConfig { prior: DepthPriorKind::None, ..Default::default() };
-    let (_, rf) = cameras();
-    let frames: Vec<Keyframe> = (0..4).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64 * 1.5), &rf, &rf, true)).collect();
+    let (_, radio) = cameras();
+    let frames: Vec<Keyframe> =
+        (0..4).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64 * 1.5), &radio, &radio, true)).collect();
     let run = |frames: &[Keyframe]| {
         let config = ReconstructionConfig { depth: depth.clone(), ..Default::default() };
         let log = Arc::new(Mutex::new(Log { main: u32::MAX, inverse_depth: 0.2, ..Log::default() }));
         let device = Recorder { log: log.clone(), field: config.empty_field() };
-        let mut r = Reconstructor::new(Box::new(device), config, rf, rf, synthetic::DB_RANGE, 1).unwrap();
+        let mut r = Reconstructor::new(Box::new(device), config, radio, radio, synthetic::DB_RANGE, 1).unwrap();
         frames.iter().for_each(|k| assert!(r.push(k).is_ok()));
         r.finish(&mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
         let views = log.lock().unwrap().views.clone();
@@ -419,7 +420,7 @@ fn without_light_growth_is_guided_by_the_spectrum() {
     assert_eq!(field.meta.modalities, Modalities { light: false, radio: true });
     let picture = |k: &Keyframe| Light::of_image(synthetic::DB_RANGE.jet_image(spectrum(k)));
     for (view, k) in views.iter().zip(&frames) {
-        assert_eq!(view.optical, crate::keyframe::optical(&picture(k)));
+        assert_eq!(view.light, crate::keyframe::light(&picture(k)));
     }
     // As if a camera had seen the picture.
     let shown: Vec<Keyframe> = frames.iter().map(|k| Keyframe { light: Some(picture(k)), ..k.clone() }).collect();
@@ -439,13 +440,13 @@ fn without_radio_light_alone_is_trained() {
     let (mut r, _) = reconstructor(ReconstructionConfig::default(), 1);
     let error = r.push(&frames[0]).unwrap_err().to_string();
     assert!(error.contains("keyframe 0") && error.contains("rf_weight = 0"), "{error}");
-    let config = ReconstructionConfig { rf_weight: 0.0, ..Default::default() };
+    let config = ReconstructionConfig { radio_weight: 0.0, ..Default::default() };
     let (mut r, log, reports) = run(config, 1, &frames);
     assert!(reports[2].spawned > 150, "{:?}", reports[2]);
     assert_eq!(r.field().unwrap().meta.modalities, Modalities { light: true, radio: false });
     let log = log.lock().unwrap();
-    let silence = r.config.rf_target.encode(&Raster::filled(48, 32, 0.0), &synthetic::DB_RANGE);
-    assert!(log.views.iter().all(|v| v.rf == silence) && log.steps.iter().all(|s| s.rf_weight == 0.0));
+    let silence = r.config.radio_target.encode(&Raster::filled(48, 32, 0.0), &synthetic::DB_RANGE);
+    assert!(log.views.iter().all(|v| v.radio == silence) && log.steps.iter().all(|s| s.radio_weight == 0.0));
 }
 
 #[test]

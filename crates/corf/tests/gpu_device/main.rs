@@ -22,16 +22,16 @@ use support::{
 #[test]
 #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn pictures_agree() {
-    for (rf_channels, degrees, antialias) in
+    for (radio_channels, degrees, antialias) in
         [(3, [1, 3], Antialias::On), (1, [2, 0], Antialias::Off), (3, [0, 2], Antialias::Detached), (1, [3, 1], Antialias::On)]
     {
         let raster = RasterConfig { antialias, ..RasterConfig::default() };
-        let g = room(1, 3000, rf_channels, degrees);
+        let g = room(1, 3000, radio_channels, degrees);
         let Some((mut cpu, mut gpu)) = pair(OptimizerConfig::default(), raster, &g) else { return };
         for k in 0..3 {
             let (a, b) = (cpu.render(&both(k)).unwrap(), gpu.render(&both(k)).unwrap());
             compare_renderings(&a, &b);
-            for layer in [&a.optical, &a.rf].into_iter().flatten() {
+            for layer in [&a.light, &a.radio].into_iter().flatten() {
                 let t = layer.transmittance.pixels();
                 assert!(t.iter().any(|t| *t < 0.2) && t.iter().any(|t| *t > 0.5));
             }
@@ -49,15 +49,15 @@ fn pictures_agree() {
 fn threads_that_share_a_pixel_draw_what_one_draws() {
     let mut g = room(9, 3000, 3, [1, 1]);
     for i in 0..g.len() {
-        g.optical.opacity_logit[i] = if g.position[i][0] > 0.0 { 6.0 } else { -4.0 };
+        g.light.opacity_logit[i] = if g.position[i][0] > 0.0 { 6.0 } else { -4.0 };
     }
     let mut cpu = CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &g).unwrap();
     let (camera, _) = cameras();
     let view = View { camera, world_from_camera: pose(1) };
     let request =
-        RenderRequest { optical: Some((view, [0.9, 0.2, 0.4])), rf: Some((view, [0.1, 0.3, 0.6])), main_contributor: false };
+        RenderRequest { light: Some((view, [0.9, 0.2, 0.4])), radio: Some((view, [0.1, 0.3, 0.6])), main_contributor: false };
     let expected = cpu.render(&request).unwrap();
-    let ended = expected.optical.as_ref().unwrap().transmittance.pixels().iter().filter(|t| **t < 1e-4).count();
+    let ended = expected.light.as_ref().unwrap().transmittance.pixels().iter().filter(|t| **t < 1e-4).count();
     assert!(ended > 100, "{ended} pixels end");
     for (segments, batch) in [(1, 8), (2, 32), (4, 8)] {
         let options = GpuOptions { segments: Some(segments), batch, ..OPTIONS };
@@ -73,10 +73,10 @@ fn gaussians_of_very_different_sizes_agree() {
     let mut g = room(13, 1500, 3, [1, 1]);
     for i in (0..g.len()).step_by(60) {
         g.log_scale[i] = [1.0, [1.0, -3.0][i / 60 % 2], 0.5];
-        g.optical.opacity_logit[i] = -3.0;
-        g.rf.opacity_logit[i] = -2.0;
+        g.light.opacity_logit[i] = -3.0;
+        g.radio.opacity_logit[i] = -2.0;
     }
-    let view = TrainingView { rf_camera: cameras().1, rf: training_view(0, 3, true).rf, ..one_camera(3) };
+    let view = TrainingView { radio_camera: cameras().1, radio: training_view(0, 3, true).radio, ..one_camera(3) };
     let mut cpu = CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &g).unwrap();
     for (tile, batch) in [([8, 8], 16), ([8, 4], 8), ([16, 16], 32)] {
         let options = GpuOptions { tile: Some(tile), batch, ..OPTIONS };
@@ -92,20 +92,20 @@ fn gaussians_of_very_different_sizes_agree() {
 #[test]
 #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn gradients_agree() {
-    for (rf_channels, degrees, antialias, depth) in
+    for (radio_channels, degrees, antialias, depth) in
         [(3, [1, 3], Antialias::On, true), (1, [2, 0], Antialias::Off, false), (1, [3, 1], Antialias::Detached, true)]
     {
         let raster = RasterConfig { antialias, ..RasterConfig::default() };
-        let g = room(2, 2500, rf_channels, degrees);
+        let g = room(2, 2500, radio_channels, degrees);
         // Tiles of half the size count fewer Gaussians that are drawn nowhere: 3.5 % fewer in images of 37×20 and 13×10 pixels.
         let options = GpuOptions { tile: Some([8, 8]), ..OPTIONS };
         let Some(mut gpu) = open(&options, OptimizerConfig::default(), raster, &g) else { return };
         let mut cpu = CpuDevice::new(OptimizerConfig::default(), raster, &g).unwrap();
         for k in 0..2 {
-            let view = training_view(k, rf_channels, depth);
+            let view = training_view(k, radio_channels, depth);
             assert_eq!(cpu.upload(&view, 3).unwrap(), gpu.upload(&view, 3).unwrap());
         }
-        let alone = [Step { rf_weight: 0.0, ..step(1, 0) }, Step { optical_weight: 0.0, depth_weight: 0.0, ..step(1, 0) }];
+        let alone = [Step { radio_weight: 0.0, ..step(1, 0) }, Step { light_weight: 0.0, depth_weight: 0.0, ..step(1, 0) }];
         for s in [step(0, 0), step(1, 1), step(0, 2)].into_iter().chain(alone) {
             compare_gradients(&mut cpu, &mut gpu, &s);
         }
@@ -115,7 +115,7 @@ fn gradients_agree() {
 #[test]
 #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn both_images_at_once_give_what_each_gives_alone() {
-    for (rf_channels, antialias, tile, batch, segments) in [
+    for (radio_channels, antialias, tile, batch, segments) in [
         (3, Antialias::On, Some([8, 8]), 8, Some(1)),
         (1, Antialias::Off, Some([8, 4]), 32, Some(2)),
         (3, Antialias::On, Some([8, 8]), 16, Some(4)),
@@ -124,12 +124,12 @@ fn both_images_at_once_give_what_each_gives_alone() {
         (3, Antialias::Detached, Some([16, 16]), 32, None),
     ] {
         let raster = RasterConfig { antialias, ..RasterConfig::default() };
-        let mut g = room(12, 2500, rf_channels, [1, 1]);
+        let mut g = room(12, 2500, radio_channels, [1, 1]);
         // Gaussians that one modality draws and the other does not, both ways round.
         for i in 0..g.len() {
             match i % 3 {
-                0 => g.rf.opacity_logit[i] = logit(0.002),
-                1 => g.optical.opacity_logit[i] = logit(0.003),
+                0 => g.radio.opacity_logit[i] = logit(0.002),
+                1 => g.light.opacity_logit[i] = logit(0.003),
                 _ => {}
             }
         }
@@ -137,16 +137,16 @@ fn both_images_at_once_give_what_each_gives_alone() {
         for fused in [true, false] {
             let options = GpuOptions { fused, tile, batch, segments, ..OPTIONS };
             let Some(mut gpu) = open(&options, OptimizerConfig::default(), raster, &g) else { return };
-            cpu.upload(&one_camera(rf_channels), 2).unwrap();
-            gpu.upload(&one_camera(rf_channels), 2).unwrap();
+            cpu.upload(&one_camera(radio_channels), 2).unwrap();
+            gpu.upload(&one_camera(radio_channels), 2).unwrap();
             for levels in [[0, 0], [1, 1], [1, 0]] {
                 compare_gradients(&mut cpu, &mut gpu, &Step { levels, ..step(0, 0) });
             }
             // A Gaussian of which a modality sees nothing keeps its appearance there.
             gpu.train(&[step(0, 0); 2]).unwrap();
             let after = gpu.gaussians().unwrap();
-            assert!((0..g.len()).step_by(3).all(|i| after.rf.opacity_logit[i] == g.rf.opacity_logit[i]));
-            assert!((1..g.len()).step_by(3).all(|i| after.optical.opacity_logit[i] == g.optical.opacity_logit[i]));
+            assert!((0..g.len()).step_by(3).all(|i| after.radio.opacity_logit[i] == g.radio.opacity_logit[i]));
+            assert!((1..g.len()).step_by(3).all(|i| after.light.opacity_logit[i] == g.light.opacity_logit[i]));
             assert_ne!(after.position, g.position);
         }
     }
@@ -178,8 +178,8 @@ fn training_follows_the_cpu_and_ends_at_the_same_losses() {
     const SAME_LOSS: f32 = 0.025;
     let steps = schedule(60);
     let (a, b) = (cpu.train(&steps).unwrap(), gpu.train(&steps).unwrap());
-    assert!((a.optical_loss - b.optical_loss).abs() < SAME_LOSS * a.optical_loss, "{a:?} {b:?}");
-    assert!((a.rf_loss - b.rf_loss).abs() < SAME_LOSS * a.rf_loss, "{a:?} {b:?}");
+    assert!((a.light_loss - b.light_loss).abs() < SAME_LOSS * a.light_loss, "{a:?} {b:?}");
+    assert!((a.radio_loss - b.radio_loss).abs() < SAME_LOSS * a.radio_loss, "{a:?} {b:?}");
 }
 
 #[test]
@@ -209,10 +209,10 @@ fn the_same_bytes_every_time_however_steps_are_batched() {
 fn large_and_small_images_take_turns() {
     let mut rng = Rng::keyed(79, 0, 0);
     let g = room(14, 400, 1, [1, 1]);
-    let optical_camera = Pinhole { width: 451, height: 293, fx: 230.0, fy: 231.0, cx: 226.3, cy: 145.9 };
-    assert!(optical_camera.width * optical_camera.height > 1 << 17);
-    let optical = noise(&mut rng, &optical_camera, 3);
-    let view = TrainingView { optical_camera, optical, ..training_view(0, 1, false) };
+    let light_camera = Pinhole { width: 451, height: 293, fx: 230.0, fy: 231.0, cx: 226.3, cy: 145.9 };
+    assert!(light_camera.width * light_camera.height > 1 << 17);
+    let light = noise(&mut rng, &light_camera, 3);
+    let view = TrainingView { light_camera, light, ..training_view(0, 1, false) };
     let Some((mut cpu, mut gpu)) = pair(metric_rates(), RasterConfig::default(), &g) else { return };
     assert_eq!(cpu.upload(&view, 2).unwrap(), gpu.upload(&view, 2).unwrap());
     let steps = [0, 1, 0, 1].map(|level| step(0, level));
@@ -294,13 +294,13 @@ fn steps_that_find_no_room_are_run_again() {
     let mut g = room(6, 3000, 3, [0, 0]);
     g.log_scale.iter_mut().for_each(|s| *s = s.map(|v| v + 1.5));
     let Some((mut cpu, mut gpu)) = pair(metric_rates(), RasterConfig::default(), &g) else { return };
-    let (optical_camera, rf_camera) = (Pinhole::from_horizontal_fov(320, 180, 90.0), Pinhole::from_horizontal_fov(96, 64, 90.0));
+    let (light_camera, radio_camera) = (Pinhole::from_horizontal_fov(320, 180, 90.0), Pinhole::from_horizontal_fov(96, 64, 90.0));
     let mut rng = Rng::keyed(1, 2, 3);
     let view = TrainingView {
-        optical: image(&mut rng, &optical_camera),
-        optical_camera,
-        rf: noise(&mut rng, &rf_camera, 3),
-        rf_camera,
+        light: image(&mut rng, &light_camera),
+        light_camera,
+        radio: noise(&mut rng, &radio_camera, 3),
+        radio_camera,
         ..training_view(0, 3, false)
     };
     cpu.upload(&view, 1).unwrap();
@@ -308,7 +308,7 @@ fn steps_that_find_no_room_are_run_again() {
     let before = gpu.pair_capacity();
     let (a, b) = (cpu.train(&[step(0, 0); 3]).unwrap(), gpu.train(&[step(0, 0); 3]).unwrap());
     assert!(gpu.pair_capacity() > 2 * before.max(1 << 16), "{} pairs: there was room all along", gpu.pair_capacity());
-    assert!((a.optical_loss - b.optical_loss).abs() < 1e-4 && (a.rf_loss - b.rf_loss).abs() < 1e-4, "{a:?} {b:?}");
+    assert!((a.light_loss - b.light_loss).abs() < 1e-4 && (a.radio_loss - b.radio_loss).abs() < 1e-4, "{a:?} {b:?}");
 }
 
 #[test]
@@ -334,10 +334,10 @@ fn gaussians_come_go_and_keep_their_moments() {
     let mut kept = (0..1233).filter(|i| keep[*i]);
     let after = gpu.gaussians().unwrap();
     assert!(after.position.iter().all(|p| *p == before.position[kept.next().unwrap()]));
-    assert_eq!(after.rf.sh[..4], before.rf.sh[..4]);
+    assert_eq!(after.radio.sh[..4], before.radio.sh[..4]);
     // With its moments in the wrong rows the next steps would go elsewhere.
     let (a, b) = (cpu.train(&[step(0, 0); 3]).unwrap(), gpu.train(&[step(0, 0); 3]).unwrap());
-    assert!((a.optical_loss - b.optical_loss).abs() < 1e-3 * a.optical_loss, "{a:?} {b:?}");
+    assert!((a.light_loss - b.light_loss).abs() < 1e-3 * a.light_loss, "{a:?} {b:?}");
     let (a, b) = (classes(&cpu.gaussians().unwrap()), classes(&gpu.gaussians().unwrap()));
     for (class, (a, b)) in a.iter().zip(&b).enumerate() {
         let size = norm(a.iter().map(|v| f64::from(*v)));
@@ -345,25 +345,25 @@ fn gaussians_come_go_and_keep_their_moments() {
         assert!(error < 1e-2 * size, "class {class}: {error:.1e} of {size:.1e}");
     }
     // A second stage: new RF appearance, no memory of the old one's moments.
-    let rf = room(9, 1057, 1, [2, 1]).rf;
+    let radio = room(9, 1057, 1, [2, 1]).radio;
     for d in [&mut cpu as &mut dyn Device, &mut gpu] {
-        d.reset_rf(&rf).unwrap();
+        d.reset_radio(&radio).unwrap();
     }
-    assert_eq!(gpu.gaussians().unwrap().rf.sh, rf.sh);
-    let frozen = Step { train_geometry: false, optical_weight: 0.0, depth_weight: 0.0, ..step(0, 0) };
+    assert_eq!(gpu.gaussians().unwrap().radio.sh, radio.sh);
+    let frozen = Step { train_geometry: false, light_weight: 0.0, depth_weight: 0.0, ..step(0, 0) };
     let geometry = gpu.gaussians().unwrap();
     let (a, b) = (cpu.train(&[frozen; 3]).unwrap(), gpu.train(&[frozen; 3]).unwrap());
-    assert!((a.rf_loss - b.rf_loss).abs() < 1e-3 * a.rf_loss, "{a:?} {b:?}");
+    assert!((a.radio_loss - b.radio_loss).abs() < 1e-3 * a.radio_loss, "{a:?} {b:?}");
     let after = gpu.gaussians().unwrap();
     assert_eq!(
-        (&after.position, &after.rotation, &after.log_scale, &after.optical),
-        (&geometry.position, &geometry.rotation, &geometry.log_scale, &geometry.optical)
+        (&after.position, &after.rotation, &after.log_scale, &after.light),
+        (&geometry.position, &geometry.rotation, &geometry.log_scale, &geometry.light)
     );
-    assert_ne!(after.rf, geometry.rf);
+    assert_ne!(after.radio, geometry.radio);
     // Nothing left, and from nothing again.
     gpu.retain(&vec![false; 1057]).unwrap();
     assert!(gpu.is_empty());
-    let layer = gpu.render(&both(0)).unwrap().optical.unwrap();
+    let layer = gpu.render(&both(0)).unwrap().light.unwrap();
     assert!(layer.color.pixels.chunks_exact(3).all(|p| p == [0.9, 0.2, 0.4]));
     gpu.train(&[step(0, 0)]).unwrap();
     gpu.append(&g).unwrap();
@@ -375,8 +375,8 @@ fn gaussians_come_go_and_keep_their_moments() {
 fn a_device_that_begins_with_nothing_draws_backgrounds_and_trains() {
     let g = room(14, 0, 3, [1, 1]);
     let Some(mut d) = open(&OPTIONS, OptimizerConfig::default(), RasterConfig::default(), &g) else { return };
-    for wanted in [both(0), RenderRequest { rf: None, ..both(0) }] {
-        let layer = d.render(&wanted).unwrap().optical.unwrap();
+    for wanted in [both(0), RenderRequest { radio: None, ..both(0) }] {
+        let layer = d.render(&wanted).unwrap().light.unwrap();
         assert!(layer.color.pixels.chunks_exact(3).all(|p| p == [0.9, 0.2, 0.4]));
     }
     d.upload(&training_view(0, 3, true), 1).unwrap();
@@ -397,7 +397,7 @@ fn numbers_that_are_none_hurt_no_other_gaussian() {
             0 => hurt.position[k][k % 3] = value,
             1 => hurt.rotation[k] = [value; 4],
             2 => hurt.log_scale[k][k % 3] = value,
-            3 => hurt.optical.opacity_logit[k] = value,
+            3 => hurt.light.opacity_logit[k] = value,
             _ => hurt.position[k] = [value; 3],
         }
     }
@@ -417,8 +417,9 @@ fn numbers_that_are_none_hurt_no_other_gaussian() {
 fn a_spectrum_has_fewer_levels_than_the_image() {
     let g = room(23, 500, 3, [1, 1]);
     let Some((mut cpu, mut gpu)) = pair(metric_rates(), RasterConfig::default(), &g) else { return };
-    let rf_camera = Pinhole { width: 13, height: 9, fx: 6.0, fy: 6.5, cx: 6.1, cy: 4.4 };
-    let view = TrainingView { rf_camera, rf: noise(&mut Rng::keyed(5, 0, 0), &rf_camera, 3), ..training_view(0, 3, true) };
+    let radio_camera = Pinhole { width: 13, height: 9, fx: 6.0, fy: 6.5, cx: 6.1, cy: 4.4 };
+    let view =
+        TrainingView { radio_camera, radio: noise(&mut Rng::keyed(5, 0, 0), &radio_camera, 3), ..training_view(0, 3, true) };
     // 149x83 pixels have seven levels, 13x9 have four.
     cpu.upload(&view, 6).unwrap();
     gpu.upload(&view, 6).unwrap();
@@ -443,7 +444,7 @@ fn bad_requests_are_refused() {
     assert!(d.upload(&training_view(0, 1, false), 1).is_err(), "channels of another field");
     d.upload(&training_view(0, 3, false), 2).unwrap();
     assert!(d.train(&[step(0, 2)]).is_err(), "a level that is not there");
-    assert!(d.train(&[Step { rf_weight: f32::NAN, ..step(0, 0) }]).is_err());
+    assert!(d.train(&[Step { radio_weight: f32::NAN, ..step(0, 0) }]).is_err());
     assert!(d.render(&RenderRequest { main_contributor: true, ..RenderRequest::default() }).is_err());
     assert!(d.append(&room(1, 3, 1, [0, 0])).is_err(), "other channels");
     assert!(d.train(&[step(0, 0)]).is_ok(), "and the device still works");

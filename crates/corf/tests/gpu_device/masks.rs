@@ -9,7 +9,7 @@ use corf_scene::Raster;
 
 /// A view of which a block at the border and scattered pixels do not count.
 fn masked(view: TrainingView) -> TrainingView {
-    let (w, h) = (view.optical_camera.width, view.optical_camera.height);
+    let (w, h) = (view.light_camera.width, view.light_camera.height);
     let mask = Raster::from_fn(w, h, |x, y| (x < 90 || y > 50) && (5 * x + 3 * y) % 101 != 0);
     TrainingView { mask: Some(mask), ..view }
 }
@@ -17,20 +17,20 @@ fn masked(view: TrainingView) -> TrainingView {
 #[test]
 #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn gradients_agree_where_pixels_do_not_count() {
-    for (rf_channels, antialias) in [(3, Antialias::On), (1, Antialias::Detached)] {
+    for (radio_channels, antialias) in [(3, Antialias::On), (1, Antialias::Detached)] {
         let raster = RasterConfig { antialias, ..RasterConfig::default() };
-        let g = room(16, 2500, rf_channels, [1, 2]);
+        let g = room(16, 2500, radio_channels, [1, 2]);
         let options = GpuOptions { tile: Some([8, 8]), ..OPTIONS };
         let Some(mut gpu) = open(&options, OptimizerConfig::default(), raster, &g) else { return };
         let mut cpu = CpuDevice::new(OptimizerConfig::default(), raster, &g).unwrap();
         // Of bytes, of floats, and with both images of one camera, which are drawn at once.
-        let views = [training_view(0, rf_channels, true), training_view(1, rf_channels, false), one_camera(rf_channels)];
+        let views = [training_view(0, radio_channels, true), training_view(1, radio_channels, false), one_camera(radio_channels)];
         for view in views.map(masked) {
             let id = gpu.upload(&view, 3).unwrap();
             assert_eq!(cpu.upload(&view, 3).unwrap(), id);
-            let optical = Step { rf_weight: 0.0, ..step(id.0, 0) };
-            let radio = Step { optical_weight: 0.0, depth_weight: 0.0, ..step(id.0, 0) };
-            for s in [step(id.0, 0), step(id.0, 1), step(id.0, 2), optical, radio] {
+            let light = Step { radio_weight: 0.0, ..step(id.0, 0) };
+            let radio = Step { light_weight: 0.0, depth_weight: 0.0, ..step(id.0, 0) };
+            for s in [step(id.0, 0), step(id.0, 1), step(id.0, 2), light, radio] {
                 compare_gradients(&mut cpu, &mut gpu, &s);
             }
         }

@@ -45,14 +45,17 @@ fn needles_and_discs_are_the_same_on_both_devices() {
                 let angle = 0.9 * f64::from(k);
                 let world_from_camera = Rigid3::looking_at(eye, eye + DVec3::new(angle.cos(), angle.sin(), -0.1), DVec3::Z);
                 let view = View { camera, world_from_camera };
-                let request =
-                    RenderRequest { optical: Some((view, [0.0; 3])), rf: Some((view, [0.0, 0.0, 0.5])), main_contributor: false };
+                let request = RenderRequest {
+                    light: Some((view, [0.0; 3])),
+                    radio: Some((view, [0.0, 0.0, 0.5])),
+                    main_contributor: false,
+                };
                 let (a, b) = (cpu.render(&request).unwrap(), gpu.render(&request).unwrap());
                 let what = format!("e^{long} by e^{short} m, {antialias:?}, pose {k}");
-                for (a, b) in [(&a.optical, &b.optical), (&a.rf, &b.rf)] {
+                for (a, b) in [(&a.light, &b.light), (&a.radio, &b.radio)] {
                     compare(&what, a.as_ref().unwrap(), b.as_ref().unwrap());
                 }
-                drawn += a.optical.unwrap().transmittance.pixels().iter().filter(|t| **t < 0.99).count();
+                drawn += a.light.unwrap().transmittance.pixels().iter().filter(|t| **t < 0.99).count();
             }
             assert!(drawn > 1000, "e^{long} by e^{short} m: {drawn} pixels show any");
         }

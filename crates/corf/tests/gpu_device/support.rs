@@ -46,10 +46,10 @@ pub fn pair(optimizer: OptimizerConfig, raster: RasterConfig, g: &Gaussians) -> 
 }
 
 /// Gaussians on the walls of a room around the origin, some wide, some thin, some behind any camera.
-pub fn room(seed: u64, n: usize, rf_channels: usize, degrees: [usize; 2]) -> Gaussians {
+pub fn room(seed: u64, n: usize, radio_channels: usize, degrees: [usize; 2]) -> Gaussians {
     let mut rng = Rng::keyed(seed, 0, 0);
-    let mut g = Gaussians::empty(rf_channels, degrees[0]);
-    g.rf.sh_degree = degrees[1];
+    let mut g = Gaussians::empty(radio_channels, degrees[0]);
+    g.radio.sh_degree = degrees[1];
     let half = [4.0_f32, 3.0, 1.5];
     for _ in 0..n {
         let mut p = [0, 1, 2].map(|k| (rng.uniform() * 2.0 - 1.0) * half[k]);
@@ -58,7 +58,7 @@ pub fn room(seed: u64, n: usize, rf_channels: usize, degrees: [usize; 2]) -> Gau
         g.position.push(p);
         g.rotation.push([0; 4].map(|_| rng.normal() as f32));
         g.log_scale.push([0; 3].map(|_| -3.5 + 2.5 * rng.uniform()));
-        for a in [&mut g.optical, &mut g.rf] {
+        for a in [&mut g.light, &mut g.radio] {
             a.opacity_logit.push(logit(0.02 + 0.9 * rng.uniform()));
             let stride = a.stride();
             a.sh.extend((0..stride).map(|i| (rng.uniform() - 0.5) * if i < a.channels { 1.6 } else { 0.2 }));
@@ -69,8 +69,8 @@ pub fn room(seed: u64, n: usize, rf_channels: usize, degrees: [usize; 2]) -> Gau
 
 pub fn cameras() -> (Pinhole, Pinhole) {
     // Neither a multiple of a tile, and principal points off the middle.
-    let optical = Pinhole { width: 149, height: 83, fx: 80.0, fy: 82.0, cx: 72.2, cy: 44.7 };
-    (optical, Pinhole { width: 53, height: 41, fx: 25.0, fy: 26.0, cx: 27.1, cy: 19.2 })
+    let light = Pinhole { width: 149, height: 83, fx: 80.0, fy: 82.0, cx: 72.2, cy: 44.7 };
+    (light, Pinhole { width: 53, height: 41, fx: 25.0, fy: 26.0, cx: 27.1, cy: 19.2 })
 }
 
 pub fn pose(k: usize) -> Rigid3 {
@@ -92,20 +92,20 @@ pub fn image(rng: &mut Rng, camera: &Pinhole) -> Planes {
 }
 
 /// A view of noise; every third has a target in light that is of no 8-bit image.
-pub fn training_view(k: usize, rf_channels: usize, depth: bool) -> TrainingView {
+pub fn training_view(k: usize, radio_channels: usize, depth: bool) -> TrainingView {
     let mut rng = Rng::keyed(77, k as u64, 0);
-    let (optical_camera, rf_camera) = cameras();
+    let (light_camera, radio_camera) = cameras();
     // Half-precision floats, as the GPU device keeps them: it is compared with the same targets.
     let inverse_depth = depth.then(|| InverseDepth {
-        value: Raster::from_fn(optical_camera.width, optical_camera.height, |_, _| (40 + rng.below(12)) as f32 / 64.0),
-        confidence: Raster::from_fn(optical_camera.width, optical_camera.height, |x, _| if x % 3 == 0 { 0.0 } else { 0.75 }),
+        value: Raster::from_fn(light_camera.width, light_camera.height, |_, _| (40 + rng.below(12)) as f32 / 64.0),
+        confidence: Raster::from_fn(light_camera.width, light_camera.height, |x, _| if x % 3 == 0 { 0.0 } else { 0.75 }),
     });
     TrainingView {
         world_from_camera: pose(k),
-        optical: if k % 3 == 1 { noise(&mut rng, &optical_camera, 3) } else { image(&mut rng, &optical_camera) },
-        optical_camera,
-        rf: noise(&mut rng, &rf_camera, rf_channels),
-        rf_camera,
+        light: if k % 3 == 1 { noise(&mut rng, &light_camera, 3) } else { image(&mut rng, &light_camera) },
+        light_camera,
+        radio: noise(&mut rng, &radio_camera, radio_channels),
+        radio_camera,
         inverse_depth,
         mask: None,
     }
@@ -115,21 +115,21 @@ pub fn step(view: usize, level: u32) -> Step {
     Step {
         view: ViewId(view),
         levels: [level; 2],
-        optical_weight: 1.0,
-        rf_weight: 0.3,
+        light_weight: 1.0,
+        radio_weight: 0.3,
         depth_weight: 0.5,
         train_geometry: true,
-        optical_background: [0.3, 0.6, 0.1],
-        rf_background: [0.0, 0.1, 0.5],
+        light_background: [0.3, 0.6, 0.1],
+        radio_background: [0.0, 0.1, 0.5],
     }
 }
 
 pub fn both(k: usize) -> RenderRequest {
-    let (optical, rf) = cameras();
+    let (light, radio) = cameras();
     let view = |camera| View { camera, world_from_camera: pose(k) };
     RenderRequest {
-        optical: Some((view(optical), [0.9, 0.2, 0.4])),
-        rf: Some((view(rf), [0.1, 0.3, 0.6])),
+        light: Some((view(light), [0.9, 0.2, 0.4])),
+        radio: Some((view(radio), [0.1, 0.3, 0.6])),
         main_contributor: true,
     }
 }
@@ -147,7 +147,7 @@ fn compare(what: &str, a: &[f32], b: &[f32]) {
 }
 
 pub fn compare_renderings(a: &Rendering, b: &Rendering) {
-    for (what, a, b) in [("optical", &a.optical, &b.optical), ("rf", &a.rf, &b.rf)] {
+    for (what, a, b) in [("optical", &a.light, &b.light), ("rf", &a.radio, &b.radio)] {
         assert_eq!(a.is_some(), b.is_some());
         let (Some(a), Some(b)) = (a, b) else { continue };
         assert_eq!((a.color.width, a.color.height, a.color.channels), (b.color.width, b.color.height, b.color.channels));
@@ -162,10 +162,10 @@ pub fn classes(g: &Gaussians) -> [Vec<f32>; 7] {
         g.position.as_flattened().to_vec(),
         g.rotation.as_flattened().to_vec(),
         g.log_scale.as_flattened().to_vec(),
-        g.optical.opacity_logit.clone(),
-        g.rf.opacity_logit.clone(),
-        g.optical.sh.clone(),
-        g.rf.sh.clone(),
+        g.light.opacity_logit.clone(),
+        g.radio.opacity_logit.clone(),
+        g.light.sh.clone(),
+        g.radio.sh.clone(),
     ]
 }
 
@@ -178,8 +178,8 @@ pub fn compare_gradients(cpu: &mut CpuDevice, gpu: &mut GpuDevice, s: &Step) {
     let (a_report, a) = cpu.gradients(s).unwrap();
     let (b_report, b) = gpu.gradients(s).unwrap();
     for (a, b) in [
-        (a_report.optical_loss, b_report.optical_loss),
-        (a_report.rf_loss, b_report.rf_loss),
+        (a_report.light_loss, b_report.light_loss),
+        (a_report.radio_loss, b_report.radio_loss),
         (a_report.depth_loss, b_report.depth_loss),
     ] {
         assert!((a - b).abs() < 1e-5, "loss {a} against {b}");
@@ -194,10 +194,10 @@ pub fn compare_gradients(cpu: &mut CpuDevice, gpu: &mut GpuDevice, s: &Step) {
 }
 
 /// A training view whose images have one camera.
-pub fn one_camera(rf_channels: usize) -> TrainingView {
-    let view = training_view(0, rf_channels, true);
+pub fn one_camera(radio_channels: usize) -> TrainingView {
+    let view = training_view(0, radio_channels, true);
     let mut rng = Rng::keyed(78, 0, 0);
-    TrainingView { rf_camera: view.optical_camera, rf: noise(&mut rng, &view.optical_camera, rf_channels), ..view }
+    TrainingView { radio_camera: view.light_camera, radio: noise(&mut rng, &view.light_camera, radio_channels), ..view }
 }
 
 /// The walls as seen by rates in metres.

@@ -99,8 +99,8 @@ impl Emitters {
             .materials
             .iter()
             .map(|m| {
-                let texture = m.optical.emissive_texture.as_ref().map_or([1.0; 3], |t| mean(&scene.textures, t, Encoding::Srgb));
-                Vec3::from(m.optical.emissive) * Vec3::from(texture)
+                let texture = m.light.emissive_texture.as_ref().map_or([1.0; 3], |t| mean(&scene.textures, t, Encoding::Srgb));
+                Vec3::from(m.light.emissive) * Vec3::from(texture)
             })
             .collect();
         for (i, t) in scene.triangles.iter().enumerate() {
@@ -119,7 +119,7 @@ impl Emitters {
                         weights,
                         normal: cross.normalize(),
                         area: area / (parts * parts) as f32,
-                        double_sided: scene.materials[t.material as usize].optical.double_sided,
+                        double_sided: scene.materials[t.material as usize].light.double_sided,
                         triangle: i as u32,
                     };
                     list.push(Emitter { kind, luminance, power });

@@ -4,7 +4,7 @@ use super::bsdf::{Bsdf, fresnel_pane};
 use super::texture::{Encoding, sample};
 use crate::bvh::{Hit, Ray};
 use corf_scene::Scene;
-use corf_scene::model::{AlphaMode, OpticalMaterial, Texture, TextureRef};
+use corf_scene::model::{AlphaMode, LightMaterial, Texture, TextureRef};
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
 /// Rays that leave a surface start this share of `1 + |position|` away from it: some hundred roundings of a position.
@@ -34,14 +34,14 @@ pub(super) fn covers(scene: &Scene) -> Vec<Cover> {
         .materials
         .iter()
         .map(|m| {
-            let optical = &m.optical;
-            let varies = || colors_vary || optical.base_color_texture.as_ref().is_some_and(|t| is_translucent(scene, t));
-            let alpha = match optical.alpha_mode {
+            let light = &m.light;
+            let varies = || colors_vary || light.base_color_texture.as_ref().is_some_and(|t| is_translucent(scene, t));
+            let alpha = match light.alpha_mode {
                 AlphaMode::Opaque => false,
-                AlphaMode::Mask { cutoff } => varies() || optical.alpha < cutoff,
-                AlphaMode::Blend => varies() || optical.alpha < 1.0,
+                AlphaMode::Mask { cutoff } => varies() || light.alpha < cutoff,
+                AlphaMode::Blend => varies() || light.alpha < 1.0,
             };
-            Cover { alpha, pane: optical.transmission > 0.0 }
+            Cover { alpha, pane: light.transmission > 0.0 }
         })
         .collect();
     scene.triangles.iter().map(|t| of_material[t.material as usize]).collect()
@@ -107,20 +107,20 @@ fn rgb(textures: &[Texture], texture: &Option<TextureRef>, uv: Vec2, encoding: E
 }
 
 /// Emitted radiance of a material at a texture coordinate.
-fn emitted_at(scene: &Scene, material: &OpticalMaterial, uv: Vec2) -> Vec3 {
+fn emitted_at(scene: &Scene, material: &LightMaterial, uv: Vec2) -> Vec3 {
     Vec3::from(material.emissive) * rgb(&scene.textures, &material.emissive_texture, uv, Encoding::Srgb)
 }
 
 /// Emitted radiance of a triangle at barycentric weights, times the share of it that is there.
 pub(super) fn emission(scene: &Scene, cover: Cover, triangle: u32, u: f32, v: f32) -> Vec3 {
-    let material = &scene.materials[scene.triangles[triangle as usize].material as usize].optical;
+    let material = &scene.materials[scene.triangles[triangle as usize].material as usize].light;
     let emitted = emitted_at(scene, material, uv_at(scene, triangle, u, v));
     if cover.alpha { emitted * coverage(scene, triangle, u, v) } else { emitted }
 }
 
 /// The share of a surface that is there at barycentric weights: 0 or 1 but where alpha blends.
 pub(super) fn coverage(scene: &Scene, triangle: u32, u: f32, v: f32) -> f32 {
-    let material = &scene.materials[scene.triangles[triangle as usize].material as usize].optical;
+    let material = &scene.materials[scene.triangles[triangle as usize].material as usize].light;
     let alpha = || {
         let texel = material
             .base_color_texture
@@ -137,7 +137,7 @@ pub(super) fn coverage(scene: &Scene, triangle: u32, u: f32, v: f32) -> f32 {
 
 /// Share of straight light that passes a pane, per channel.
 pub(super) fn pane_transmittance(scene: &Scene, hit: &Hit, direction: Vec3) -> Vec3 {
-    let material = &scene.materials[scene.triangles[hit.triangle as usize].material as usize].optical;
+    let material = &scene.materials[scene.triangles[hit.triangle as usize].material as usize].light;
     let [a, b, c] = scene.corners(hit.triangle as usize);
     let cos = (b - a).cross(c - a).normalize_or_zero().dot(direction.normalize()).abs();
     let tint = Vec3::from(material.base_color)
@@ -150,7 +150,7 @@ impl Surface {
     /// Looks a hit up. With `coarse` textures, colour comes from them and normal maps are left out.
     pub fn at(scene: &Scene, cover: Cover, ray: &Ray, hit: &Hit, coarse: Option<&[Texture]>) -> Self {
         let triangle = &scene.triangles[hit.triangle as usize];
-        let material = &scene.materials[triangle.material as usize].optical;
+        let material = &scene.materials[triangle.material as usize].light;
         let [a, b, c] = triangle.vertices.map(|i| scene.positions[i as usize]);
         let (u, v, w) = (hit.u, hit.v, 1.0 - hit.u - hit.v);
         let facing = (b - a).cross(c - a).normalize_or(Vec3::Z);
@@ -236,7 +236,7 @@ pub(super) fn offset(position: Vec3) -> f32 {
 fn shading_normal(
     scene: &Scene,
     hit: &Hit,
-    material: &OpticalMaterial,
+    material: &LightMaterial,
     mapped: bool,
     uv: Vec2,
     facing: Vec3,

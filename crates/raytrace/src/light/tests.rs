@@ -7,7 +7,7 @@ mod gpu;
 mod materials;
 
 use super::*;
-use corf_scene::model::{Material, Object, OpticalMaterial, Triangle};
+use corf_scene::model::{LightMaterial, Material, Object, Triangle};
 use glam::DVec3;
 
 /// Adds a quad `p, p + a, p + a + b, p + b` (normal a × b) of a material.
@@ -35,25 +35,25 @@ fn room(scene: &mut Scene, low: Vec3, high: Vec3, material: u32) {
     quad(scene, low + x, z, y, material);
 }
 
-fn material(scene: &mut Scene, optical: OpticalMaterial) -> u32 {
-    scene.materials.push(Material { name: format!("m{}", scene.materials.len()), optical, radio: None });
+fn material(scene: &mut Scene, light: LightMaterial) -> u32 {
+    scene.materials.push(Material { name: format!("m{}", scene.materials.len()), light, radio: None });
     scene.materials.len() as u32 - 1
 }
 
 fn diffuse(scene: &mut Scene, albedo: f32) -> u32 {
     // An index of refraction of 1 has no specular lobe.
-    material(scene, OpticalMaterial { base_color: [albedo; 3], ior: 1.0, ..OpticalMaterial::default() })
+    material(scene, LightMaterial { base_color: [albedo; 3], ior: 1.0, ..LightMaterial::default() })
 }
 
 fn emitter(scene: &mut Scene, radiance: f32) -> u32 {
     material(
         scene,
-        OpticalMaterial {
+        LightMaterial {
             base_color: [0.0; 3],
             ior: 1.0,
             emissive: [radiance; 3],
             double_sided: false,
-            ..OpticalMaterial::default()
+            ..LightMaterial::default()
         },
     )
 }
@@ -105,9 +105,9 @@ fn statistics(frame: &LightFrame) -> (f64, f64) {
 
 /// A furnace of radiance 1 with a sphere in it, seen close enough that the sphere fills the view: mean radiance, its standard error
 /// over pixels, and the mean directional albedo.
-fn furnace(optical: OpticalMaterial) -> (f64, f64, f64) {
+fn furnace(light: LightMaterial) -> (f64, f64, f64) {
     let mut scene = Scene::default();
-    let m = material(&mut scene, optical);
+    let m = material(&mut scene, light);
     sphere(&mut scene, Vec3::ZERO, 1.0, m);
     let settings = LightSettings { samples_per_pixel: 64, max_bounces: 64, background: [1.0; 3], ..LightSettings::default() };
     let frame = render(&scene, &view(24, 24, 36.0, DVec3::new(2.5, 0.4, 0.3), DVec3::ZERO), &settings);
@@ -119,8 +119,8 @@ fn furnace(optical: OpticalMaterial) -> (f64, f64, f64) {
 #[test]
 fn white_dielectric_sphere_vanishes_in_the_furnace() {
     for (ior, roughness, tolerance) in [(1.0, 1.0, 1e-4), (1.5, 0.8, 0.01), (1.5, 0.3, 0.01)] {
-        let optical = OpticalMaterial { base_color: [1.0; 3], ior, roughness, ..OpticalMaterial::default() };
-        let (mean, error, _) = furnace(optical);
+        let light = LightMaterial { base_color: [1.0; 3], ior, roughness, ..LightMaterial::default() };
+        let (mean, error, _) = furnace(light);
         // Directions reflected into a facet by the interpolated normal are lost: that and the albedo table make the tolerance.
         assert!((mean - 1.0).abs() < tolerance + 5.0 * error, "ior {ior}, roughness {roughness}: {mean} ± {error}");
     }
@@ -129,8 +129,8 @@ fn white_dielectric_sphere_vanishes_in_the_furnace() {
 #[test]
 fn white_metal_sphere_loses_only_what_single_scattering_loses() {
     for roughness in [0.2, 0.6, 1.0] {
-        let optical = OpticalMaterial { base_color: [1.0; 3], metallic: 1.0, roughness, ..OpticalMaterial::default() };
-        let (mean, error, albedo) = furnace(optical);
+        let light = LightMaterial { base_color: [1.0; 3], metallic: 1.0, roughness, ..LightMaterial::default() };
+        let (mean, error, albedo) = furnace(light);
         // The loss is that of the directional albedo (checked against quadrature beside the model) and nothing else; directions
         // that the interpolated normal sends into a facet are worth some 0.003.
         assert!(
@@ -145,10 +145,8 @@ fn grey_furnace_room_reaches_its_series() {
     // Inside a closed diffuse room whose walls all emit 1, radiance is Σ albedo^k = 1/(1 − albedo), truncated at the bounce limit.
     let mut scene = Scene::default();
     let albedo = 0.5f32;
-    let wall = material(
-        &mut scene,
-        OpticalMaterial { base_color: [albedo; 3], ior: 1.0, emissive: [1.0; 3], ..OpticalMaterial::default() },
-    );
+    let wall =
+        material(&mut scene, LightMaterial { base_color: [albedo; 3], ior: 1.0, emissive: [1.0; 3], ..LightMaterial::default() });
     room(&mut scene, Vec3::ZERO, Vec3::new(3.0, 2.0, 2.5), wall);
     let bounces = 12;
     let settings = LightSettings { samples_per_pixel: 64, max_bounces: bounces, ..LightSettings::default() };
@@ -163,11 +161,10 @@ fn lit_box(light_size: f32) -> Scene {
     let mut scene = Scene::default();
     let wall = diffuse(&mut scene, 0.7);
     let light = emitter(&mut scene, 10.0);
-    let glossy =
-        material(&mut scene, OpticalMaterial { base_color: [0.5, 0.3, 0.2], roughness: 0.4, ..OpticalMaterial::default() });
+    let glossy = material(&mut scene, LightMaterial { base_color: [0.5, 0.3, 0.2], roughness: 0.4, ..LightMaterial::default() });
     let metal = material(
         &mut scene,
-        OpticalMaterial { base_color: [0.9, 0.8, 0.6], metallic: 1.0, roughness: 0.35, ..OpticalMaterial::default() },
+        LightMaterial { base_color: [0.9, 0.8, 0.6], metallic: 1.0, roughness: 0.35, ..LightMaterial::default() },
     );
     room(&mut scene, Vec3::ZERO, Vec3::new(3.0, 3.0, 2.5), wall);
     let half = 0.5 * light_size;
@@ -235,7 +232,7 @@ fn light_through_a_pane_is_weakened_by_its_transmittance() {
     let light = emitter(&mut scene, 500.0);
     let pane = material(
         &mut scene,
-        OpticalMaterial { base_color: [0.9, 0.9, 0.9], transmission: 1.0, roughness: 0.0, ..OpticalMaterial::default() },
+        LightMaterial { base_color: [0.9, 0.9, 0.9], transmission: 1.0, roughness: 0.0, ..LightMaterial::default() },
     );
     quad(&mut scene, Vec3::new(-0.01, -0.01, 0.0), Vec3::X * 0.02, Vec3::Y * 0.02, floor);
     quad(&mut scene, Vec3::new(-0.05, -0.05, 2.0), Vec3::Y * 0.1, Vec3::X * 0.1, light);
@@ -255,7 +252,7 @@ fn light_through_a_pane_is_weakened_by_its_transmittance() {
 fn depth_and_surface_are_those_of_the_pixel_centre() {
     let mut scene = Scene::default();
     let wall = diffuse(&mut scene, 0.5);
-    let pane = material(&mut scene, OpticalMaterial { transmission: 1.0, ..OpticalMaterial::default() });
+    let pane = material(&mut scene, LightMaterial { transmission: 1.0, ..LightMaterial::default() });
     // Plane x + 0.25 z = 4 as a big quad, and a pane in front of it.
     let (p, a) = (Vec3::new(4.0, -30.0, 0.0), Vec3::new(-5.0, 0.0, 20.0));
     quad(&mut scene, p - a, Vec3::Y * 60.0, a * 2.0, wall);

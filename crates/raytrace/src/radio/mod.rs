@@ -31,7 +31,7 @@ pub use geometry::face::Face;
 pub use paths::path::{Interaction, InteractionKind, Path};
 pub use tracer::{RadioTracer, Transmitter};
 
-use corf_scene::config::RfConfig;
+use corf_scene::config::SpectrumConfig;
 use corf_scene::{Error, Result, bounds};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -109,7 +109,7 @@ impl Default for RadioSettings {
     fn default() -> Self {
         Self {
             frequency_hz: 60e9,
-            max_interactions: RfConfig::default().max_interactions,
+            max_interactions: SpectrumConfig::default().max_interactions,
             line_of_sight: true,
             reflection: true,
             transmission: true,
@@ -117,7 +117,7 @@ impl Default for RadioSettings {
             edge_diffraction: false,
             diffraction_lit_region: true,
             diffraction_model: DiffractionModel::default(),
-            search: Search::Auto { rays: RfConfig::default().rays },
+            search: Search::Auto { rays: SpectrumConfig::default().rays },
             min_face_area_m2: 0.0,
             min_gain_db: -300.0,
             tx_antenna: Antenna::default(),

@@ -1,9 +1,9 @@
 //! Sensors of a platform, a camera and an antenna array: the one place where a pose becomes a keyframe.
 
-mod optical;
+mod light;
 mod radio;
 
-pub use optical::{Denoise, LightDevice, OpticalSensor};
+pub use light::{Denoise, LightDevice, LightSensor};
 pub use radio::{
     Extent, Outputs, RadioFrame, RadioSensor, Received, SensorPlan, diffuse_settings, element_at, geometry_warnings, noncoherent,
     open_edges_note, radio_settings, sensor_settings,
@@ -16,7 +16,7 @@ use corf_scene::{Light, Radio, Result};
 /// A camera and an array that travel together.
 pub struct Platform<'p, 'a> {
     /// The camera, which may be seeing other poses meanwhile.
-    pub camera: &'p OpticalSensor<'a>,
+    pub camera: &'p LightSensor<'a>,
     /// The array.
     pub array: RadioSensor<'a>,
     /// Radio outputs of every pose.
@@ -29,8 +29,8 @@ impl Platform<'_, '_> {
     /// # Errors
     /// A receiver at the transmitter; light that is not a finite number.
     pub fn keyframe(&self, pose: &TrajectoryPose) -> Result<KeyframeContent> {
-        let (optical, radio) = rayon::join(|| self.camera.see(pose), || self.hear(pose));
-        Ok(joined(optical?, radio?))
+        let (light, radio) = rayon::join(|| self.camera.see(pose), || self.hear(pose));
+        Ok(joined(light?, radio?))
     }
 
     /// What the array hears at a pose.

@@ -5,7 +5,9 @@ use crate::radio::{
     RadioTracer, Search, Transmitter, diffuse, json,
 };
 use crate::spectrum::{self, Grid, SpectrumSettings};
-use corf_scene::config::{DatasetConfig, RearHalfSpace, ReceiverConfig, RfConfig, SceneConfig, SpectrumKind, TransmitterConfig};
+use corf_scene::config::{
+    DatasetConfig, RearHalfSpace, ReceiverConfig, SceneConfig, SpectrumConfig, SpectrumKind, TransmitterConfig,
+};
 use corf_scene::dataset::SamplingError;
 use corf_scene::model::world_from_array;
 use corf_scene::trajectory::TrajectoryPose;
@@ -58,14 +60,14 @@ pub fn element_at(receiver: &ReceiverConfig, world_from_camera: &Rigid3) -> Ante
 const ARRAY_RESOLUTION_DEG: f64 = 4.0;
 
 /// Sampling settings of the diffuse field for a dataset: the angular resolution follows from the kind of its spectra.
-pub fn diffuse_settings(rf: &RfConfig) -> DiffuseSettings {
-    let is_array = rf.spectrum != SpectrumKind::Mpc;
+pub fn diffuse_settings(radio: &SpectrumConfig) -> DiffuseSettings {
+    let is_array = radio.spectrum != SpectrumKind::Mpc;
     DiffuseSettings {
-        resolution_deg: if is_array { ARRAY_RESOLUTION_DEG } else { rf.lobe_width_deg.min(90.0) },
+        resolution_deg: if is_array { ARRAY_RESOLUTION_DEG } else { radio.lobe_width_deg.min(90.0) },
         even_arrivals: is_array,
-        patch_size_m: rf.patch_size_m,
-        directions: rf.directions,
-        photons: rf.photons,
+        patch_size_m: radio.patch_size_m,
+        directions: radio.directions,
+        photons: radio.photons,
         ..DiffuseSettings::default()
     }
 }
@@ -91,25 +93,25 @@ impl SensorPlan {
     /// # Errors
     /// The dataset names a transmitter that the scene does not have.
     pub fn of(config: &DatasetConfig, scene: &SceneConfig) -> Result<Self> {
-        Ok(Self::from_parts(&config.rf, config.seed, config.transmitter_of(scene)?, scene))
+        Ok(Self::from_parts(&config.radio, config.seed, config.transmitter_of(scene)?, scene))
     }
 
     /// The plan of an `[rf]` section with a seed and one of the scene's transmitters.
-    pub fn from_parts(rf: &RfConfig, seed: u64, transmitter: &TransmitterConfig, scene: &SceneConfig) -> Self {
+    pub fn from_parts(radio: &SpectrumConfig, seed: u64, transmitter: &TransmitterConfig, scene: &SceneConfig) -> Self {
         Self {
             transmitter: *transmitter,
             receiver: scene.receiver,
             tracing: RadioSettings {
-                max_interactions: rf.max_interactions,
-                search: Search::Auto { rays: rf.rays },
-                transmission: rf.transmission,
-                diffraction: rf.diffraction,
-                edge_diffraction: rf.edge_diffraction,
+                max_interactions: radio.max_interactions,
+                search: Search::Auto { rays: radio.rays },
+                transmission: radio.transmission,
+                diffraction: radio.diffraction,
+                edge_diffraction: radio.edge_diffraction,
                 tx_antenna: Antenna::from(transmitter),
                 ..sensor_settings(scene)
             },
-            sampling: rf.diffuse.then(|| diffuse_settings(rf)),
-            spectrum: SpectrumSettings::new(rf, &scene.receiver, seed),
+            sampling: radio.diffuse.then(|| diffuse_settings(radio)),
+            spectrum: SpectrumSettings::new(radio, &scene.receiver, seed),
         }
     }
 }
@@ -157,12 +159,12 @@ impl Extent {
     }
 
     /// The extent that all outputs of a dataset's keyframe need together.
-    pub fn of_keyframe(rf: &RfConfig, receiver: &ReceiverConfig) -> Self {
-        let widest = match rf.sphere {
+    pub fn of_keyframe(radio: &SpectrumConfig, receiver: &ReceiverConfig) -> Self {
+        let widest = match radio.sphere {
             Some([width, height]) => Grid::Sphere(Equirectangular { width, height }),
-            None => Grid::Pinhole(Pinhole::from_horizontal_fov(rf.width, rf.height, rf.horizontal_fov_deg)),
+            None => Grid::Pinhole(Pinhole::from_horizontal_fov(radio.width, radio.height, radio.horizontal_fov_deg)),
         };
-        Self::needed(&[rf.spectrum], widest, receiver.rear)
+        Self::needed(&[radio.spectrum], widest, receiver.rear)
     }
 
     /// Gathers the diffuse arrivals of a receiver at a pose, sampled finely over this extent.

@@ -3,7 +3,7 @@
 use crate::radio::Antenna;
 use corf_scene::config::{AntennaPattern, Orientation, Polarization};
 use corf_scene::model::{
-    Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
+    LightMaterial, Material, Object, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
 };
 use corf_scene::{Error, Result};
 use glam::DVec3;
@@ -443,7 +443,7 @@ pub(super) fn build_scene(
             scattering: Scattering { coefficient: material.scattering_coefficient, xpd: material.xpd, pattern },
         };
         index.insert(id.clone(), scene.materials.len() as u32);
-        scene.materials.push(Material { name: id.clone(), optical: OpticalMaterial::default(), radio: Some(radio) });
+        scene.materials.push(Material { name: id.clone(), light: LightMaterial::default(), radio: Some(radio) });
     }
     for object in objects {
         let &material = index.get(&object.material).ok_or_else(|| {

@@ -4,7 +4,7 @@ use super::mvdr::Mvdr;
 use super::snapshots::Aperture;
 use super::{Bartlett, Grid, mpc};
 use crate::radio::{Arrival, PlanarArray};
-use corf_scene::config::{RearHalfSpace, ReceiverConfig, RfConfig, SpectrumKind};
+use corf_scene::config::{RearHalfSpace, ReceiverConfig, SpectrumConfig, SpectrumKind};
 use corf_scene::model::{ARRAY_FROM_CAMERA, world_from_array};
 use corf_scene::{Raster, Rigid3};
 use glam::DVec3;
@@ -31,14 +31,14 @@ pub struct SpectrumSettings {
 
 impl SpectrumSettings {
     /// The settings that a dataset's `[rf]` and its scene's `[receiver]` ask for.
-    pub fn new(rf: &RfConfig, receiver: &ReceiverConfig, seed: u64) -> Self {
+    pub fn new(radio: &SpectrumConfig, receiver: &ReceiverConfig, seed: u64) -> Self {
         Self {
-            kind: rf.spectrum,
+            kind: radio.spectrum,
             array: PlanarArray::from(receiver),
             rear: receiver.rear,
-            lobe_width_deg: rf.lobe_width_deg,
-            bandwidth_hz: rf.bandwidth_hz,
-            loading: rf.mvdr_loading,
+            lobe_width_deg: radio.lobe_width_deg,
+            bandwidth_hz: radio.bandwidth_hz,
+            loading: radio.mvdr_loading,
             seed,
         }
     }

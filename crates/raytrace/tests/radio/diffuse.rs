@@ -134,16 +134,17 @@ fn lobby_mini_is_converged_with_its_own_settings() {
     let scene_config = config.load_scene_config().unwrap();
     let (scene, _) = scene_config.load_scene().unwrap();
     let bvh = Bvh::build(&scene);
-    let setup = RadioSettings { max_interactions: config.rf.max_interactions, ..settings(Search::Auto { rays: config.rf.rays }) };
+    let setup =
+        RadioSettings { max_interactions: config.radio.max_interactions, ..settings(Search::Auto { rays: config.radio.rays }) };
     let tracer = RadioTracer::new(&scene, &bvh, setup).unwrap();
-    let (tx, camera) = (scene_config.transmitter.position(), config.rf_camera());
+    let (tx, camera) = (scene_config.transmitter.position(), config.radio_camera());
     let transmitter = tracer.transmitter(tx).unwrap();
     let field = |phase| {
-        let rf = &config.rf;
+        let radio = &config.radio;
         let sampling = DiffuseSettings {
-            patch_size_m: rf.patch_size_m,
-            directions: rf.directions,
-            photons: rf.photons,
+            patch_size_m: radio.patch_size_m,
+            directions: radio.directions,
+            photons: radio.photons,
             phase,
             ..DiffuseSettings::default()
         };
@@ -151,7 +152,7 @@ fn lobby_mini_is_converged_with_its_own_settings() {
     };
     let fields = [field(0), field(1)];
     // The range the whole dataset comes out with.
-    let range = DbRange { min_db: -52.0 - config.rf.dynamic_range_db, max_db: -52.0 };
+    let range = DbRange { min_db: -52.0 - config.radio.dynamic_range_db, max_db: -52.0 };
     let poses = trajectory::generate_between(scene_config.trajectory.as_ref().unwrap(), config.keyframes, config.way).unwrap();
     for index in [4, 20, 36] {
         let pose = &poses[index].world_from_camera;
@@ -162,7 +163,7 @@ fn lobby_mini_is_converged_with_its_own_settings() {
             arrivals.extend(
                 field.gather(pose.translation, field.antenna(), &Extent::View { camera, world_from_camera: *pose }).unwrap(),
             );
-            mpc(&arrivals, &camera, pose, config.rf.lobe_width_deg)
+            mpc(&arrivals, &camera, pose, config.radio.lobe_width_deg)
         });
         let psnr = scalar_psnr(&a, &b, &range);
         assert!(psnr >= CONVERGED_DB && psnr.is_finite(), "keyframe {index}: {psnr:.1} dB");

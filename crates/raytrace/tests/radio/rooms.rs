@@ -3,7 +3,7 @@
 use corf_raytrace::radio::{Path, RadioSettings, Search};
 use corf_scene::Rng;
 use corf_scene::model::{
-    Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
+    LightMaterial, Material, Object, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
 };
 use glam::Vec3;
 
@@ -42,7 +42,7 @@ pub fn material(name: &str, itu: &str, thickness_m: f64) -> Material {
         thickness_m,
         scattering: Scattering { coefficient: 0.3, xpd: 0.0, pattern: ScatteringPattern::Lambertian },
     };
-    Material { name: name.into(), optical: OpticalMaterial::default(), radio: Some(radio) }
+    Material { name: name.into(), light: LightMaterial::default(), radio: Some(radio) }
 }
 
 /// A 6 × 5 × 3 m room of plasterboard with a wooden box and a glass screen inside.

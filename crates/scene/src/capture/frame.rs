@@ -177,12 +177,16 @@ mod tests {
         }
         // A camera by itself far away is not told to do what was done.
         let outlier = [shot(DVec3::ZERO), shot(DVec3::splat(1e9))];
-        let told = |offset| {
+        let reported = |offset| {
             let world = WorldFromCapture::new(None, 1.0, offset, &outlier).unwrap();
             world.pose(&outlier[1].world_from_camera, "a").unwrap_err().to_string()
         };
         for offset in [None, Some(Offset::Cameras), Some(Offset::Point([1.0; 3]))] {
-            assert!(!told(offset).contains("--offset auto") && told(offset).contains("out of the capture"), "{}", told(offset));
+            assert!(
+                !reported(offset).contains("--offset auto") && reported(offset).contains("out of the capture"),
+                "{}",
+                reported(offset)
+            );
         }
         let far = [shot(DVec3::new(500_002.0, 4_400_002.0, 121.5))];
         assert_eq!(WorldFromCapture::new(None, 1.0, None, &far).unwrap().offset_m(), DVec3::new(500_000.0, 4_400_000.0, 100.0));

@@ -26,7 +26,7 @@ pub struct ImportReport {
 pub fn import<E: From<Error> + Send>(
     options: &ImportOptions,
     out: &Path,
-    tell: &(dyn Fn(usize, usize) -> std::result::Result<(), E> + Sync),
+    report: &(dyn Fn(usize, usize) -> std::result::Result<(), E> + Sync),
 ) -> std::result::Result<ImportReport, E> {
     let plan = Plan::of(options)?;
     let writer = DatasetWriter::create(out, &plan.header, false)?;
@@ -35,7 +35,7 @@ pub fn import<E: From<Error> + Send>(
         let frame = frame(&plan, i, options)?;
         left_out.count(frame.light.as_ref().and_then(|light| light.mask.as_ref()));
         writer.write_frame(i, &frame)?;
-        tell(done.fetch_add(1, Ordering::Relaxed) + 1, all)
+        report(done.fetch_add(1, Ordering::Relaxed) + 1, all)
     })?;
     let mut findings = writer.dark_findings()?;
     findings.extend(left_out.finding());
@@ -102,7 +102,7 @@ fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<KeyframeC
         (Some(paths), Some(encoding)) => {
             let path = &paths[index];
             let spectrum = options.reading().read(path, encoding)?;
-            let camera = &header.rf_camera;
+            let camera = &header.radio_camera;
             check_size(path, &spectrum, (camera.width, camera.height), "the first spectrum", "give spectra of one size")?;
             Some(Radio { spectrum })
         }
@@ -118,7 +118,7 @@ fn light(path: &Path, plan: &Plan, index: usize, options: &ImportOptions) -> Res
     let (image, opacity) = io::read_png_and_opacity(path)?;
     let help = "give the images that the cameras were made for";
     check_size(path, &image, (own.width, own.height), "the capture's camera", help)?;
-    let image = lens.resample(&image, &plan.header.optical_camera);
+    let image = lens.resample(&image, &plan.header.light_camera);
     let depth_m = plan.depths.as_ref().map(|depths| depth(&depths[index], plan, index, options)).transpose()?;
     let mask = mask(plan, index, opacity.filter(|_| !options.ignore_masks))?;
     Ok(Light { image, depth_m, surface: None, mask })
@@ -131,7 +131,7 @@ fn depth(path: &Path, plan: &Plan, index: usize, options: &ImportOptions) -> Res
     let size = (lens.pinhole.width, lens.pinhole.height);
     check_size(path, &map.values, size, "the image's camera", "give depth of the images' size")?;
     let depth = map.into_depth_m(options.depth_unit_m, &path.display().to_string(), "--depth-unit")?;
-    Ok(lens.resample_nearest(&depth, &plan.header.optical_camera))
+    Ok(lens.resample_nearest(&depth, &plan.header.light_camera))
 }
 
 /// Which pixels of the data set's image count: those in which no pixel of the capture's image has a part that its mask leaves out or that is not
@@ -153,7 +153,7 @@ fn mask(plan: &Plan, index: usize, opaque: Option<Raster<bool>>) -> Result<Optio
         (None, None) => return Ok(None),
     };
     let picture = counts.map(|counts| [if *counts { u8::MAX } else { 0 }; 3]);
-    Ok(Some(lens.resample(&picture, &plan.header.optical_camera).map(|p| p[0] == u8::MAX)))
+    Ok(Some(lens.resample(&picture, &plan.header.light_camera).map(|p| p[0] == u8::MAX)))
 }
 
 fn check_size<T>(path: &Path, raster: &Raster<T>, (width, height): (usize, usize), whose: &str, help: &str) -> Result<()> {

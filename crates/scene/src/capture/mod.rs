@@ -29,8 +29,8 @@ mod split;
 
 pub use colmap::read_points;
 pub use import::{ImportReport, examine, import};
-pub use options::{Format, ImportOptions, Offset, RfCamera, SplitRule, Up};
-pub use spectra::RfValues;
+pub use options::{Format, ImportOptions, Offset, RadioCamera, SplitRule, Up};
+pub use spectra::RadioValues;
 
 use crate::Rigid3;
 use crate::dataset::ColoredPoint;

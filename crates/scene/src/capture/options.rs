@@ -1,6 +1,6 @@
 //! Options of an import.
 
-use super::spectra::{Reading, RfValues};
+use super::spectra::{RadioValues, Reading};
 use crate::dataset::Quantity;
 use crate::keyframe::DbRange;
 use crate::{Error, Pinhole, Result, bounds, io};
@@ -60,14 +60,14 @@ impl Offset {
 
 /// Camera of the spectra, which shares position and axes with that of the images.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum RfCamera {
+pub enum RadioCamera {
     /// Full horizontal field of view, degrees; square pixels, the axis in the middle of the image.
     HorizontalFovDeg(f64),
     /// fx, fy, cx, cy, pixels.
     Intrinsics([f64; 4]),
 }
 
-impl RfCamera {
+impl RadioCamera {
     /// The camera of spectra of a size.
     ///
     /// # Errors
@@ -106,13 +106,13 @@ pub struct ImportOptions {
     /// Leaves the images out.
     pub without_images: bool,
     /// Folder of spectra, one for every image by its stem.
-    pub rf: Option<PathBuf>,
+    pub radio: Option<PathBuf>,
     /// Camera of the spectra.
-    pub rf_camera: Option<RfCamera>,
+    pub radio_camera: Option<RadioCamera>,
     /// Levels of black and white (of blue and red, in Jet), or the range that the data set is to have.
-    pub rf_db: Option<DbRange>,
+    pub radio_db: Option<DbRange>,
     /// Unit of the values of spectra that are no pictures; linear power if nobody says.
-    pub rf_values: Option<RfValues>,
+    pub radio_values: Option<RadioValues>,
     /// Physical quantity of the spectra; unknown if nobody says.
     pub quantity: Option<Quantity>,
     /// Carrier, Hz.
@@ -149,10 +149,10 @@ impl ImportOptions {
             name: None,
             images: None,
             without_images: false,
-            rf: None,
-            rf_camera: None,
-            rf_db: None,
-            rf_values: None,
+            radio: None,
+            radio_camera: None,
+            radio_db: None,
+            radio_values: None,
             quantity: None,
             frequency_hz: None,
             dynamic_range_db: None,
@@ -174,13 +174,13 @@ impl ImportOptions {
     pub(super) fn check(&self) -> Result<()> {
         if let Some(width) = self.dynamic_range_db {
             bounds::number("--dynamic-range-db", width, &bounds::DYNAMIC_RANGE_DB, "dB")?;
-            if self.rf_db.is_some() {
+            if self.radio_db.is_some() {
                 let what = "the range is stated already, by --rf-db";
                 return Err(Error::invalid("--dynamic-range-db", what, "leave one of the two out"));
             }
         }
         bounds::number("--scale", self.metres_per_unit, &(1e-6..=1e6), "metres a unit of the capture")?;
-        if let Some(range) = &self.rf_db {
+        if let Some(range) = &self.radio_db {
             bounds::db_range("--rf-db", range)?;
         }
         if let Some(frequency_hz) = self.frequency_hz {
@@ -195,8 +195,8 @@ impl ImportOptions {
     /// How its spectra are read.
     pub(super) fn reading(&self) -> Reading<'_> {
         Reading {
-            values: self.rf_values.unwrap_or(RfValues::Linear),
-            range: self.rf_db.as_ref(),
+            values: self.radio_values.unwrap_or(RadioValues::Linear),
+            range: self.radio_db.as_ref(),
             dynamic_range_db: self.dynamic_range_db.unwrap_or(Self::DYNAMIC_RANGE_DB),
         }
     }
@@ -204,9 +204,9 @@ impl ImportOptions {
     /// The flag of an option that is of spectra alone, where one is given.
     pub(super) fn given_of_radio(&self) -> Option<&'static str> {
         [
-            (self.rf_db.is_some(), "--rf-db"),
-            (self.rf_camera.is_some(), "--rf-camera"),
-            (self.rf_values.is_some(), "--rf-values"),
+            (self.radio_db.is_some(), "--rf-db"),
+            (self.radio_camera.is_some(), "--rf-camera"),
+            (self.radio_values.is_some(), "--rf-values"),
             (self.quantity.is_some(), "--rf-quantity"),
             (self.frequency_hz.is_some(), "--frequency-hz"),
             (self.dynamic_range_db.is_some(), "--dynamic-range-db"),

@@ -3,7 +3,7 @@
 use super::frame::WorldFromCapture;
 use super::lens::{self, Lens};
 use super::names::Folder;
-use super::options::{Format, ImportOptions, Offset, RfCamera};
+use super::options::{Format, ImportOptions, Offset, RadioCamera};
 use super::spectra::{self, Encoding};
 use super::{Capture, Shot, colmap, left_out, names, nerfstudio, plain, rf_3dgs, split};
 use crate::dataset::{ColoredPoint, DatasetHeader, Imported, Quantity};
@@ -102,9 +102,9 @@ impl Plan {
         let Capture { mut shots, points, lists, spectra, files, mut notes } = capture(options)?;
         let light = shots.iter().all(|s| s.image.is_some());
         let radio = radio(options, spectra, &shots, &mut notes)?;
-        let (optical_camera, rf_camera) = match (light, &radio) {
+        let (light_camera, radio_camera) = match (light, &radio) {
             (true, _) => {
-                let camera = optical_camera(&shots, &mut notes)?;
+                let camera = light_camera(&shots, &mut notes)?;
                 (camera, radio.as_ref().map_or_else(|| nominal(&camera), |r| r.camera))
             }
             (false, Some(radio)) => (radio.camera, radio.camera),
@@ -146,19 +146,19 @@ impl Plan {
             up: world.up,
             metres_per_unit: options.metres_per_unit,
             world_from_capture: Some(world.similarity),
-            db_range: options.rf_db.filter(|_| radio.is_some()),
+            db_range: options.radio_db.filter(|_| radio.is_some()),
             notes,
             sources,
         };
         let modalities = Modalities { light, radio: radio.is_some() };
         let quantity = options.quantity.unwrap_or(Quantity::Unknown);
-        let levels = (quantity, options.rf_db.map_or(options.reading().dynamic_range_db, |r| r.max_db - r.min_db));
+        let levels = (quantity, options.radio_db.map_or(options.reading().dynamic_range_db, |r| r.max_db - r.min_db));
         let header = DatasetHeader {
             frequency_hz: options.frequency_hz,
             split,
             stated_split,
             poses: poses(&shots),
-            ..DatasetHeader::of_capture(name(options), modalities, [optical_camera, rf_camera], levels, imported)
+            ..DatasetHeader::of_capture(name(options), modalities, [light_camera, radio_camera], levels, imported)
         };
         let points = points.iter().map(|p| ColoredPoint { position: world.point(p.position), ..*p }).collect();
         let (spectra, encoding) = radio.map_or((None, None), |r| (Some(r.files), Some(r.encoding)));
@@ -185,7 +185,7 @@ fn poses(shots: &[Shot]) -> Vec<TrajectoryPose> {
 }
 
 /// The one camera of all images.
-fn optical_camera(shots: &[Shot], notes: &mut Vec<String>) -> Result<Pinhole> {
+fn light_camera(shots: &[Shot], notes: &mut Vec<String>) -> Result<Pinhole> {
     let lenses: Vec<(&str, Lens)> = shots.iter().map(|s| (s.name.as_str(), s.lens)).collect();
     let (camera, changed) = lens::common_pinhole(&lenses)?;
     if changed {
@@ -198,18 +198,18 @@ fn optical_camera(shots: &[Shot], notes: &mut Vec<String>) -> Result<Pinhole> {
 }
 
 /// A camera for spectra that nobody took: the images' view in few pixels.
-fn nominal(optical: &Pinhole) -> Pinhole {
-    let shorter = optical.width.min(optical.height);
+fn nominal(light: &Pinhole) -> Pinhole {
+    let shorter = light.width.min(light.height);
     if shorter <= NOMINAL_PX {
-        return *optical;
+        return *light;
     }
     let reduced = |side: usize| (side * NOMINAL_PX).div_ceil(shorter);
-    rf_3dgs::resized(optical, reduced(optical.width), reduced(optical.height))
+    rf_3dgs::resized(light, reduced(light.width), reduced(light.height))
 }
 
 /// The spectra, where there are any, and their camera.
 fn radio(options: &ImportOptions, own: Option<PathBuf>, shots: &[Shot], notes: &mut Vec<String>) -> Result<Option<Radio>> {
-    let Some(folder) = options.rf.clone().or(own) else {
+    let Some(folder) = options.radio.clone().or(own) else {
         return match options.given_of_radio() {
             None => Ok(None),
             Some(flag) => Err(Error::invalid(
@@ -227,7 +227,7 @@ fn radio(options: &ImportOptions, own: Option<PathBuf>, shots: &[Shot], notes: &
     }
     let survey = options.reading().survey(&files)?;
     let (width, height) = survey.size;
-    let camera = match (options.rf_camera, options.format) {
+    let camera = match (options.radio_camera, options.format) {
         (Some(camera), _) => camera.of(width, height)?,
         // There the model's camera is that of the spectra.
         (None, Format::Rf3dgs) => rf_3dgs::camera_of_spectra(shots, width, height)?,
@@ -241,10 +241,10 @@ fn radio(options: &ImportOptions, own: Option<PathBuf>, shots: &[Shot], notes: &
         }
     };
     Lens::plain(camera).check("--rf-camera")?;
-    if matches!(options.rf_camera, Some(RfCamera::Intrinsics(_))) {
+    if matches!(options.radio_camera, Some(RadioCamera::Intrinsics(_))) {
         bounds::in_pixels("--rf-camera", &camera)?;
     }
-    if options.rf_values.is_some() && !matches!(survey.encoding, Encoding::Numbers) {
+    if options.radio_values.is_some() && !matches!(survey.encoding, Encoding::Numbers) {
         let what = "the spectra are pictures, whose values are levels in dB between the two of --rf-db";
         return Err(Error::invalid("--rf-values", what, "leave it out, or give the values themselves (EXR, .npy)"));
     }

@@ -21,7 +21,7 @@ const TOLERANCE_DB: f64 = 1e-5;
 
 /// Unit of the values in EXR and `.npy` spectra.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum RfValues {
+pub enum RadioValues {
     /// Linear power.
     #[default]
     Linear,
@@ -55,7 +55,7 @@ pub(super) struct Survey {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reading<'a> {
     /// Unit of the values of files that are no pictures.
-    pub values: RfValues,
+    pub values: RadioValues,
     /// Levels of black and white, of blue and red, or the range of the data set.
     pub range: Option<&'a DbRange>,
     /// Width of the range below the strongest value where none is stated, dB.
@@ -162,7 +162,7 @@ impl Reading<'_> {
         } else {
             0.0
         };
-        let unit = if self.values == RfValues::Db { "decibels" } else { "linear power" };
+        let unit = if self.values == RadioValues::Db { "decibels" } else { "linear power" };
         let mut notes = vec![format!("spectra were read as numbers: {unit}")];
         let kept = |s: &Seen| match s.kind {
             Kind::Numbers(stored) => stored,
@@ -176,11 +176,11 @@ impl Reading<'_> {
             };
             match (count, self.values) {
                 (0, _) => {}
-                (_, RfValues::Db) => notes.push(format!("{count} of {} spectra are stored in {of_any}", seen.len())),
-                (_, RfValues::Linear) if min_db >= floor_db => {
+                (_, RadioValues::Db) => notes.push(format!("{count} of {} spectra are stored in {of_any}", seen.len())),
+                (_, RadioValues::Linear) if min_db >= floor_db => {
                     notes.push(format!("{count} of {} spectra are stored in {of_power}", seen.len()));
                 }
-                (_, RfValues::Linear) => {
+                (_, RadioValues::Linear) => {
                     let what = format!(
                         "{count} of {} spectra are stored in {of_power}; the data set's range begins at {min_db:.1} dB",
                         seen.len()
@@ -220,9 +220,9 @@ impl Reading<'_> {
         let map = io::read_map(path)?;
         let stored = map.stored;
         let linear = match self.values {
-            RfValues::Linear => map,
+            RadioValues::Linear => map,
             // Whole decibels are decibels.
-            RfValues::Db => {
+            RadioValues::Db => {
                 io::Map { values: map.values.map(|&db| 10f64.powf(f64::from(db) / 10.0) as f32), stored: Stored::Float }
             }
         };
@@ -275,7 +275,7 @@ mod tests {
 
     const RANGE: DbRange = DbRange { min_db: -110.0, max_db: -40.0 };
 
-    fn read(path: &Path, values: RfValues, range: Option<&DbRange>) -> Result<(Raster<f32>, Encoding)> {
+    fn read(path: &Path, values: RadioValues, range: Option<&DbRange>) -> Result<(Raster<f32>, Encoding)> {
         let reading = Reading { values, range, dynamic_range_db: 70.0 };
         let encoding = reading.survey(&[path.to_owned()])?.encoding;
         Ok((reading.read(path, encoding)?, encoding))
@@ -288,7 +288,7 @@ mod tests {
         let levels = Raster::from_fn(16, 8, |x, y| (x + 16 * y) as f32 / 127.0);
         // 16 bits of grey: as exact as float32 over 70 dB.
         io::write_atomic(&path, &io::encode_png16(&levels.map(|s| (s * 65535.0).round() as u16)).unwrap()).unwrap();
-        let (linear, encoding) = read(&path, RfValues::Linear, Some(&RANGE)).unwrap();
+        let (linear, encoding) = read(&path, RadioValues::Linear, Some(&RANGE)).unwrap();
         assert_eq!(encoding, Encoding::Grey);
         let worst = |linear: &Raster<f32>| {
             linear.pixels().iter().zip(levels.pixels()).map(|(l, s)| (RANGE.scalar(*l) - s).abs()).fold(0.0, f32::max)
@@ -298,17 +298,17 @@ mod tests {
         assert!((10.0 * f64::from(linear.pixels()[127]).log10() + 40.0).abs() < 1e-5, "white is the upper end");
         // Eight bits of grey are a 255th. Jet stands still between 0.11 and 0.125, where its colours tell no more; elsewhere they are as good.
         io::write_png(&path, &levels.map(|s| [color::quantize8(*s); 3])).unwrap();
-        assert!(worst(&read(&path, RfValues::Linear, Some(&RANGE)).unwrap().0) < 0.51 / 255.0);
+        assert!(worst(&read(&path, RadioValues::Linear, Some(&RANGE)).unwrap().0) < 0.51 / 255.0);
         io::write_png(&path, &levels.map(|s| color::jet(*s).map(color::quantize8))).unwrap();
-        let (linear, encoding) = read(&path, RfValues::Linear, Some(&RANGE)).unwrap();
+        let (linear, encoding) = read(&path, RadioValues::Linear, Some(&RANGE)).unwrap();
         assert_eq!(encoding, Encoding::Jet(Jet::Matplotlib));
         assert!(worst(&linear) < 0.5 * (0.125 - 0.11) + 1.0 / 255.0, "{}", worst(&linear));
         let elsewhere = linear.map(|&l| RANGE.scalar(l));
         let changing = elsewhere.pixels().iter().zip(levels.pixels()).filter(|(_, s)| !(0.1..0.135).contains(*s));
         assert!(changing.map(|(l, s)| (l - s).abs()).fold(0.0, f32::max) < 0.5 / 255.0);
-        assert!(read(&path, RfValues::Linear, None).unwrap_err().to_string().contains("--rf-db"));
+        assert!(read(&path, RadioValues::Linear, None).unwrap_err().to_string().contains("--rf-db"));
         io::write_png(&path, &levels.map(|s| color::viridis(*s).map(color::quantize8))).unwrap();
-        assert!(read(&path, RfValues::Linear, Some(&RANGE)).unwrap_err().to_string().contains("neither grey nor Jet"));
+        assert!(read(&path, RadioValues::Linear, Some(&RANGE)).unwrap_err().to_string().contains("neither grey nor Jet"));
     }
 
     #[test]
@@ -318,14 +318,14 @@ mod tests {
         let put = |values: Raster<f32>| io::write_atomic(&path, &io::encode_exr_f32(&values, "Y").unwrap()).unwrap();
         let power = Raster::from_fn(4, 3, |x, y| 1e-9 * (x * y) as f32);
         put(power.clone());
-        assert_eq!(read(&path, RfValues::Linear, None).unwrap(), (power, Encoding::Numbers));
+        assert_eq!(read(&path, RadioValues::Linear, None).unwrap(), (power, Encoding::Numbers));
         put(Raster::from_fn(4, 3, |x, _| if x == 0 { f32::NEG_INFINITY } else { -10.0 * x as f32 }));
-        let (linear, _) = read(&path, RfValues::Db, None).unwrap();
+        let (linear, _) = read(&path, RadioValues::Db, None).unwrap();
         assert_eq!(linear.pixels()[..2], [0.0, 0.1]);
-        let message = read(&path, RfValues::Linear, None).unwrap_err().to_string();
+        let message = read(&path, RadioValues::Linear, None).unwrap_err().to_string();
         assert!(message.contains("pixel (0, 0)") && message.contains("--rf-values db"), "{message}");
         put(Raster::filled(4, 3, f32::NAN));
-        assert!(read(&path, RfValues::Db, None).is_err());
+        assert!(read(&path, RadioValues::Db, None).is_err());
     }
     #[test]
     fn all_spectra_are_of_one_form_and_hold_the_range() {
@@ -339,7 +339,7 @@ mod tests {
         let float = put("a.exr", io::encode_exr_f32(&power, "Y").unwrap());
         let other = put("b.exr", io::encode_exr_f32(&Raster::filled(5, 3, 0.1), "Y").unwrap());
         let grey = put("c.png", io::encode_png(&Raster::filled(4, 3, [7; 3])).unwrap());
-        let reading = Reading { values: RfValues::Linear, range: Some(&RANGE), dynamic_range_db: 70.0 };
+        let reading = Reading { values: RadioValues::Linear, range: Some(&RANGE), dynamic_range_db: 70.0 };
         let said = |files: &[&PathBuf], reading: &Reading<'_>| {
             let files: Vec<PathBuf> = files.iter().map(|p| (*p).clone()).collect();
             reading.survey(&files).map(|s| s.notes.join("; ")).unwrap_or_else(|e| e.to_string())
@@ -362,7 +362,7 @@ mod tests {
         let note = said(&[&half], &Reading { range: Some(&narrow), ..reading });
         assert!(note.starts_with("spectra were read as numbers") && note.contains("-60.2 dB"), "{note}");
         let decibels = put("e.npy", npy(&[-20.0, -90.0]));
-        let note = said(&[&decibels], &Reading { values: RfValues::Db, range: None, ..reading });
+        let note = said(&[&decibels], &Reading { values: RadioValues::Db, range: None, ..reading });
         assert!(note.contains("right to a 2048th"), "{note}");
         // Nothing is that strong.
         let strong = put("f.exr", io::encode_exr_f32(&Raster::filled(4, 3, 1e35), "Y").unwrap());

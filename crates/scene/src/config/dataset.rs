@@ -27,9 +27,11 @@ pub struct DatasetConfig {
     #[serde(default)]
     pub seed: u64,
     /// The camera's images.
-    pub optical: OpticalConfig,
+    #[serde(rename = "optical")]
+    pub light: LightConfig,
     /// The RF images.
-    pub rf: RfConfig,
+    #[serde(rename = "rf")]
+    pub radio: SpectrumConfig,
     /// Training and test keyframes.
     #[serde(default)]
     pub split: SplitConfig,
@@ -44,7 +46,7 @@ const MAX_EFFORT: u32 = 64;
 /// `[optical]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct OpticalConfig {
+pub struct LightConfig {
     /// Columns.
     pub width: usize,
     /// Rows.
@@ -89,8 +91,8 @@ pub struct OpticalConfig {
     pub write_depth_png: bool,
 }
 
-impl OpticalConfig {
-    /// [`OpticalConfig::samples_per_pixel`], or what the method takes by default.
+impl LightConfig {
+    /// [`LightConfig::samples_per_pixel`], or what the method takes by default.
     pub fn samples(&self) -> u32 {
         self.samples_per_pixel.unwrap_or(match self.method {
             LightMethod::Cached => 4,
@@ -126,7 +128,7 @@ fn is_false(value: &bool) -> bool {
 /// `[rf]`: how radio is traced, and the spectra that are formed of it. Its defaults are those of every command that traces radio.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct RfConfig {
+pub struct SpectrumConfig {
     /// Columns.
     pub width: usize,
     /// Rows.
@@ -179,7 +181,7 @@ pub struct RfConfig {
     pub tutorial_compat: bool,
 }
 
-impl Default for RfConfig {
+impl Default for SpectrumConfig {
     fn default() -> Self {
         Self {
             width: 300,
@@ -207,67 +209,71 @@ impl Default for RfConfig {
     }
 }
 
-impl RfConfig {
+impl SpectrumConfig {
     /// Checks every value but the image's; `place` says where they were given.
     ///
     /// # Errors
     /// The first value out of range, by key.
     pub fn validate(&self, place: &str) -> Result<()> {
         let fail = |key: &str, what: String, help: &str| Err(Error::invalid(format!("{place}: {key}"), what, help));
-        let rf = self;
-        check_fov(&format!("{place}: rf.horizontal_fov_deg"), rf.horizontal_fov_deg)?;
+        let radio = self;
+        check_fov(&format!("{place}: rf.horizontal_fov_deg"), radio.horizontal_fov_deg)?;
         for (key, value) in [
-            ("rf.patch_size_m", rf.patch_size_m),
-            ("rf.dynamic_range_db", rf.dynamic_range_db),
-            ("rf.bandwidth_hz", rf.bandwidth_hz),
+            ("rf.patch_size_m", radio.patch_size_m),
+            ("rf.dynamic_range_db", radio.dynamic_range_db),
+            ("rf.bandwidth_hz", radio.bandwidth_hz),
         ] {
             if !(value.is_finite() && value > 0.0) {
                 return fail(key, format!("{value} is not a positive number"), "give a value above 0");
             }
         }
-        if !(0.02..=1e3).contains(&rf.patch_size_m) {
-            return fail("rf.patch_size_m", format!("{:?}", rf.patch_size_m), "give 0.02 m to 1000 m");
+        if !(0.02..=1e3).contains(&radio.patch_size_m) {
+            return fail("rf.patch_size_m", format!("{:?}", radio.patch_size_m), "give 0.02 m to 1000 m");
         }
-        if !(100..=super::lobe::MAX_DIRECTIONS).contains(&rf.directions) {
-            return fail("rf.directions", format!("{}", rf.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");
+        if !(100..=super::lobe::MAX_DIRECTIONS).contains(&radio.directions) {
+            return fail(
+                "rf.directions",
+                format!("{}", radio.directions),
+                "give 100 to 50 000 000; 120 000 suits a 1 degree lobe",
+            );
         }
-        for (key, value) in [("rf.photons", rf.photons), ("rf.rays", rf.rays)] {
+        for (key, value) in [("rf.photons", radio.photons), ("rf.rays", radio.rays)] {
             if value > bounds::MAX_RAYS {
                 return fail(key, format!("{value}"), "give at most 100 000 000");
             }
         }
-        if rf.edge_diffraction && !rf.diffraction {
+        if radio.edge_diffraction && !radio.diffraction {
             return fail("rf.edge_diffraction", "open edges diffract where edges do".into(), "set diffraction = true as well");
         }
-        let shown = (rf.spectrum == SpectrumKind::Mpc && rf.diffuse).then_some(rf.directions);
-        super::lobe::check(rf.lobe_width_deg, shown, place)?;
-        bounds::number(&format!("{place}: rf.bandwidth_hz"), rf.bandwidth_hz, &(0.0..=*bounds::FREQUENCY_HZ.end()), "hertz")?;
-        if rf.bandwidth_hz < 1e6 {
+        let shown = (radio.spectrum == SpectrumKind::Mpc && radio.diffuse).then_some(radio.directions);
+        super::lobe::check(radio.lobe_width_deg, shown, place)?;
+        bounds::number(&format!("{place}: rf.bandwidth_hz"), radio.bandwidth_hz, &(0.0..=*bounds::FREQUENCY_HZ.end()), "hertz")?;
+        if radio.bandwidth_hz < 1e6 {
             return fail(
                 "rf.bandwidth_hz",
-                format!("{} Hz is under 1 MHz", rf.bandwidth_hz),
+                format!("{} Hz is under 1 MHz", radio.bandwidth_hz),
                 "bandwidths are in hertz: for 1 GHz write 1e9",
             );
         }
-        if !(1e-9..=1.0).contains(&rf.mvdr_loading) {
-            return fail("rf.mvdr_loading", format!("{}", rf.mvdr_loading), "give 1e-9 to 1, e.g. 0.1");
+        if !(1e-9..=1.0).contains(&radio.mvdr_loading) {
+            return fail("rf.mvdr_loading", format!("{}", radio.mvdr_loading), "give 1e-9 to 1, e.g. 0.1");
         }
-        if let Some([columns, rows]) = rf.sphere
+        if let Some([columns, rows]) = radio.sphere
             && !((1..=MAX_IMAGE_SIDE).contains(&columns) && (1..=MAX_IMAGE_SIDE).contains(&rows))
         {
             return fail("rf.sphere", format!("{columns}x{rows} pixels"), "give [columns, rows], e.g. [360, 180]");
         }
-        if !(1.0..=80.0).contains(&rf.dynamic_range_db) {
+        if !(1.0..=80.0).contains(&radio.dynamic_range_db) {
             return fail(
                 "rf.dynamic_range_db",
-                format!("{:?} dB", rf.dynamic_range_db),
+                format!("{:?} dB", radio.dynamic_range_db),
                 "lobes are traced down to 80 dB: give 1 to 80",
             );
         }
-        if rf.max_interactions > 5 {
-            return fail("rf.max_interactions", format!("{} is above 5", rf.max_interactions), "give 0 to 5");
+        if radio.max_interactions > 5 {
+            return fail("rf.max_interactions", format!("{} is above 5", radio.max_interactions), "give 0 to 5");
         }
-        if rf.tutorial_compat {
+        if radio.tutorial_compat {
             let help = "leave it out: rf/images holds every spectrum in the colours of one range";
             return fail("rf.tutorial_compat", "images by the recipe of published sets are no longer made".into(), help);
         }
@@ -400,13 +406,13 @@ impl DatasetConfig {
     }
 
     /// The camera of the optical images.
-    pub fn optical_camera(&self) -> Pinhole {
-        Pinhole::from_horizontal_fov(self.optical.width, self.optical.height, self.optical.horizontal_fov_deg)
+    pub fn light_camera(&self) -> Pinhole {
+        Pinhole::from_horizontal_fov(self.light.width, self.light.height, self.light.horizontal_fov_deg)
     }
 
     /// The camera of the RF images.
-    pub fn rf_camera(&self) -> Pinhole {
-        Pinhole::from_horizontal_fov(self.rf.width, self.rf.height, self.rf.horizontal_fov_deg)
+    pub fn radio_camera(&self) -> Pinhole {
+        Pinhole::from_horizontal_fov(self.radio.width, self.radio.height, self.radio.horizontal_fov_deg)
     }
 
     /// The resolved configuration, defaults spelt out, as TOML.
@@ -437,37 +443,37 @@ impl DatasetConfig {
         if self.seed > i64::MAX as u64 {
             return fail("seed", format!("{} is above 2^63 - 1", self.seed), "use a smaller seed");
         }
-        for (table, w, h) in [("optical", self.optical.width, self.optical.height), ("rf", self.rf.width, self.rf.height)] {
+        for (table, w, h) in [("optical", self.light.width, self.light.height), ("rf", self.radio.width, self.radio.height)] {
             if !(1..=MAX_IMAGE_SIDE).contains(&w) || !(1..=MAX_IMAGE_SIDE).contains(&h) {
                 return fail(table, format!("an image of {w}x{h} pixels"), "give 1 to 16384 pixels a side");
             }
         }
-        check_fov(&place("optical.horizontal_fov_deg"), self.optical.horizontal_fov_deg)?;
-        if self.optical.samples() == 0 || self.optical.max_bounces == 0 {
+        check_fov(&place("optical.horizontal_fov_deg"), self.light.horizontal_fov_deg)?;
+        if self.light.samples() == 0 || self.light.max_bounces == 0 {
             return fail("optical", "samples_per_pixel and max_bounces must be at least 1".into(), "e.g. 64 and 6");
         }
-        let (samples, bounces) = (self.optical.samples(), self.optical.max_bounces);
+        let (samples, bounces) = (self.light.samples(), self.light.max_bounces);
         if samples > bounds::MAX_SAMPLES_PER_PIXEL || bounces > bounds::MAX_BOUNCES {
             let help = format!("give at most {} and {}", bounds::MAX_SAMPLES_PER_PIXEL, bounds::MAX_BOUNCES);
             return fail("optical", format!("{samples} samples_per_pixel and {bounces} max_bounces"), &help);
         }
-        if let Some(effort) = self.optical.effort {
+        if let Some(effort) = self.light.effort {
             if !(1..=MAX_EFFORT).contains(&effort) {
                 return fail("optical.effort", format!("is {effort}"), "give 1 to 64");
             }
-            if self.optical.method != LightMethod::Cached {
+            if self.light.method != LightMethod::Cached {
                 let help = "leave it out and give samples_per_pixel, or set method = \"cached\"";
                 return fail("optical.effort", "is that of cached light".into(), help);
             }
         }
-        if self.optical.denoise {
+        if self.light.denoise {
             return fail(
                 "optical.denoise",
                 "the filter that it asked for is gone".into(),
                 "leave it out: method = \"cached\", the default, has little noise; with method = \"path\" there is denoiser = \"oidn\"",
             );
         }
-        if self.optical.denoiser.is_some() && self.optical.method != LightMethod::Path {
+        if self.light.denoiser.is_some() && self.light.method != LightMethod::Path {
             return fail(
                 "optical.denoiser",
                 "cached light has little noise, and of one surface the same in all keyframes; a filter would make it differ"
@@ -475,10 +481,10 @@ impl DatasetConfig {
                 "leave it out, or set method = \"path\"",
             );
         }
-        if let Some(exposure_ev) = self.optical.exposure_ev {
+        if let Some(exposure_ev) = self.light.exposure_ev {
             bounds::number(&place("optical.exposure_ev"), exposure_ev, &bounds::EXPOSURE_EV, "EV, or leave it out")?;
         }
-        self.rf.validate(&self.source.display().to_string())?;
+        self.radio.validate(&self.source.display().to_string())?;
         if self.split.test_every < 2 && self.keyframes > 1 {
             return fail("split.test_every", "leaves nothing to train on".into(), "give 2 or more (8 is usual)");
         }
@@ -574,24 +580,24 @@ height = 64
 
     #[test]
     fn keys_of_earlier_versions_are_read_and_written_as_they_were() {
-        let rf = |keys: &str| from_toml::<RfConfig>(&format!("width = 8\nheight = 6\n{keys}"), "d.toml");
-        let own = RfConfig { width: 8, height: 6, max_interactions: 2, ..RfConfig::default() };
+        let radio = |keys: &str| from_toml::<SpectrumConfig>(&format!("width = 8\nheight = 6\n{keys}"), "d.toml");
+        let own = SpectrumConfig { width: 8, height: 6, max_interactions: 2, ..SpectrumConfig::default() };
         for name in ["max_interactions", "max_reflections", "max_depth"] {
-            assert_eq!(rf(&format!("{name} = 2")).unwrap(), own);
+            assert_eq!(radio(&format!("{name} = 2")).unwrap(), own);
         }
         // A header's hash is that of its text, by which `--resume` knows what was begun, and records what they are of.
         let text = serde_json::to_string(&own).unwrap();
         let begin = "{\"width\":8,\"height\":6,\"horizontal_fov_deg\":90.0,\"max_reflections\":2,\"transmission\":true,\"diffraction\":false,\"diffuse\":true,";
         assert!(text.starts_with(begin) && text.ends_with(",\"write_db\":false,\"tutorial_compat\":false}"), "{text}");
-        assert_eq!(serde_json::from_str::<RfConfig>(&text).unwrap(), own);
-        let old = rf("tutorial_compat = true").unwrap();
+        assert_eq!(serde_json::from_str::<SpectrumConfig>(&text).unwrap(), own);
+        let old = radio("tutorial_compat = true").unwrap();
         assert!(old.validate("d.toml").unwrap_err().to_string().contains("rf.tutorial_compat"));
     }
 
     #[test]
     fn the_committed_configurations_load() {
         let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
-        for (name, keyframes, optical, rf) in [
+        for (name, keyframes, light, radio) in [
             ("lobby-mini", 40, (192, 108), (96, 64)),
             ("lobby147", 147, (1600, 900), (300, 200)),
             ("office-mini", 40, (192, 108), (96, 64)),
@@ -599,8 +605,8 @@ height = 64
         ] {
             let c = DatasetConfig::load(scenes.join(format!("{name}.toml"))).unwrap();
             assert_eq!((c.name.as_str(), c.keyframes), (name, keyframes));
-            assert_eq!((c.optical_camera().width, c.optical_camera().height), optical);
-            assert_eq!((c.rf_camera().width, c.rf_camera().height), rf);
+            assert_eq!((c.light_camera().width, c.light_camera().height), light);
+            assert_eq!((c.radio_camera().width, c.radio_camera().height), radio);
         }
     }
 }

@@ -10,6 +10,6 @@ mod scene;
 
 pub use crate::import::UpAxis;
 pub use antenna::{AntennaPattern, BeamConfig, Orientation, Polarization, RearHalfSpace, ReceiverConfig, TransmitterConfig};
-pub use dataset::{DatasetConfig, Denoiser, LightMethod, OpticalConfig, RfConfig, SpectrumKind, SplitConfig};
+pub use dataset::{DatasetConfig, Denoiser, LightConfig, LightMethod, SpectrumConfig, SpectrumKind, SplitConfig};
 pub use load::{from_toml, nearest, read_toml};
 pub use scene::{RadioConfig, SceneConfig, SceneFile};

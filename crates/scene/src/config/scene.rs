@@ -245,7 +245,7 @@ waypoints_m = [[1, 1], [4, 1], [4, 3]]
     #[test]
     fn radio_materials_apply_by_exact_name() {
         let c: SceneConfig = from_toml(TEXT, "t.toml").unwrap();
-        let material = |name: &str| Material { name: name.into(), optical: Default::default(), radio: None };
+        let material = |name: &str| Material { name: name.into(), light: Default::default(), radio: None };
         let mut scene = Scene { materials: vec![material("Wall"), material("Floor")], ..Default::default() };
         c.apply_radio_materials(&mut scene).unwrap();
         assert_eq!(scene.materials[0].radio.as_ref().unwrap().id, "concrete");

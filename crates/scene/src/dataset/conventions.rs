@@ -32,9 +32,9 @@ pub(super) fn of(header: &DatasetHeader, range: Option<&DbRange>) -> Conventions
         ("frames", frames),
         ("angles", angles()),
         ("cameras", cameras(header)),
-        ("optical", optical(header)),
+        ("optical", light(header)),
         ("spectrum", spectrum(header)),
-        ("rf_image", rf_image(header, range)),
+        ("rf_image", radio_image(header, range)),
         ("antennas", antennas(header)),
         ("propagation", propagation(header)),
         ("sampling", sampling(header)),
@@ -93,8 +93,8 @@ fn cameras(header: &DatasetHeader) -> Vec<(&'static str, String)> {
     list
 }
 
-fn optical(header: &DatasetHeader) -> Vec<(&'static str, String)> {
-    let light = match header.config.as_ref().map(|c| c.optical.method) {
+fn light(header: &DatasetHeader) -> Vec<(&'static str, String)> {
+    let light = match header.config.as_ref().map(|c| c.light.method) {
         Some(LightMethod::Cached) => {
             "cached: what diffuse surfaces receive is worked out once at points in the world and interpolated between them, for all \
              keyframes; mirrors, highlights, glass and emitters are traced per pixel. Biased: contact shadows are blurred by up to the \
@@ -151,7 +151,7 @@ fn optical(header: &DatasetHeader) -> Vec<(&'static str, String)> {
 }
 
 fn spectrum(header: &DatasetHeader) -> Vec<(&'static str, String)> {
-    let rf = header.config.as_ref().map(|c| c.rf);
+    let radio = header.config.as_ref().map(|c| c.radio);
     let value = match header.quantity {
         Quantity::PowerPerSteradian => "linear received power per steradian, relative to 1 W transmitted",
         Quantity::BeamPower => "linear output power of a beam steered at the pixel, relative to 1 W transmitted",
@@ -160,14 +160,14 @@ fn spectrum(header: &DatasetHeader) -> Vec<(&'static str, String)> {
         }
         Quantity::Unknown => "linear power in a unit that is not known",
     };
-    let bandwidth = rf.map_or("the bandwidth".into(), |rf| format!("{} Hz", rf.bandwidth_hz));
+    let bandwidth = radio.map_or("the bandwidth".into(), |radio| format!("{} Hz", radio.bandwidth_hz));
     let Some(kind) = header.spectrum else { return vec![("value", value.into())] };
     let (formed, phases) = match kind {
         SpectrumKind::Mpc => (
             format!(
                 "mpc: every arrival's |a|^2 spread by a von Mises-Fisher lobe of standard deviation {} degrees per axis and unit integral \
                  over solid angle",
-                rf.map_or("unknown".into(), |rf| rf.lobe_width_deg.to_string())
+                radio.map_or("unknown".into(), |radio| radio.lobe_width_deg.to_string())
             ),
             "noncoherent: powers add".to_string(),
         ),
@@ -182,7 +182,7 @@ fn spectrum(header: &DatasetHeader) -> Vec<(&'static str, String)> {
         SpectrumKind::Mvdr => (
             format!(
                 "mvdr: P(u) = 1 / (v(u)^H R^-1 v(u)), R = sum_l x_l x_l^H + e tr(R)/N I over delay taps l of 1/({bandwidth}), e = {}",
-                rf.map_or("unknown".into(), |rf| rf.mvdr_loading.to_string())
+                radio.map_or("unknown".into(), |radio| radio.mvdr_loading.to_string())
             ),
             drawn_phases(header),
         ),
@@ -225,7 +225,7 @@ fn rear(header: &DatasetHeader) -> String {
     }
 }
 
-fn rf_image(header: &DatasetHeader, range: &DbRange) -> Vec<(&'static str, String)> {
+fn radio_image(header: &DatasetHeader, range: &DbRange) -> Vec<(&'static str, String)> {
     let mut list = vec![
         ("scalar", "(10 log10 S - min_db) / (max_db - min_db), clamped to [0, 1]; 0 where S is 0".into()),
         (
@@ -319,17 +319,17 @@ fn propagation(header: &DatasetHeader) -> Vec<(&'static str, String)> {
             "header.materials: every radio material in use with its source and its values at the carrier; slabs of finite thickness".into(),
         ),
     ];
-    if let Some(DatasetConfig { rf, .. }) = &header.config {
+    if let Some(DatasetConfig { radio, .. }) = &header.config {
         let on = |yes: bool| if yes { "yes" } else { "no" };
         list.push((
             "interactions",
             format!(
                 "line of sight: yes; specular reflection: yes; straight transmission through slabs: {}; diffraction: {}; diffuse \
                  scattering: {}; at most {} interactions a path; header.config.rf has every setting",
-                on(rf.transmission),
-                if rf.diffraction { "at most one a path" } else { "no" },
-                on(rf.diffuse),
-                rf.max_interactions
+                on(radio.transmission),
+                if radio.diffraction { "at most one a path" } else { "no" },
+                on(radio.diffuse),
+                radio.max_interactions
             ),
         ));
     }
@@ -347,13 +347,13 @@ fn sampling(header: &DatasetHeader) -> Vec<(&'static str, String)> {
                 .into(),
         ),
     ];
-    if let Some(DatasetConfig { rf, .. }) = header.config.as_ref().filter(|c| c.rf.diffuse) {
+    if let Some(DatasetConfig { radio, .. }) = header.config.as_ref().filter(|c| c.radio.diffuse) {
         list.push((
             "diffuse",
             format!(
                 "{} directions over the sphere at the receiver, more where they disagree; patches of {} m, {} photons for light of more than one interaction \
                  before the last scattering",
-                rf.directions, rf.patch_size_m, rf.photons
+                radio.directions, radio.patch_size_m, radio.photons
             ),
         ));
     }
@@ -388,7 +388,7 @@ fn files(header: &DatasetHeader) -> Vec<(&'static str, String)> {
         ),
         ("written_by", "generator: tool and version; header.config and header.scene: the resolved configurations".into()),
     ];
-    if header.config.as_ref().is_some_and(|c| c.rf.write_paths) {
+    if header.config.as_ref().is_some_and(|c| c.radio.write_paths) {
         list.push((
             "paths",
             "rf/paths: gzip, one JSON object a line; a path has types and objects in TX to RX order, interactions as Sionna's flags (1 specular, \

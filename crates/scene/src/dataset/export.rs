@@ -36,13 +36,13 @@ impl Modality {
     pub fn all(header: &DatasetHeader) -> Vec<Self> {
         let mut list = Vec::new();
         if header.modalities.light {
-            list.push(Self { root: "optical", camera: header.optical_camera });
+            list.push(Self { root: "optical", camera: header.light_camera });
         }
         if header.modalities.radio {
-            list.push(Self { root: "rf", camera: header.rf_camera });
+            list.push(Self { root: "rf", camera: header.radio_camera });
         }
         if header.tutorial_range.is_some() {
-            list.push(Self { root: layout::TUTORIAL_ROOT, camera: header.rf_camera });
+            list.push(Self { root: layout::TUTORIAL_ROOT, camera: header.radio_camera });
         }
         list
     }
@@ -58,10 +58,10 @@ pub(super) fn sample_points(
     dir: &Path,
     header: &DatasetHeader,
     train: &[usize],
-    rf_images: &[Raster<[u8; 3]>],
+    radio_images: &[Raster<[u8; 3]>],
     known: &[ColoredPoint],
 ) -> Result<[Vec<SeenPoint>; 2]> {
-    let (optical, rf) = (&header.optical_camera, &header.rf_camera);
+    let (light, radio) = (&header.light_camera, &header.radio_camera);
     let mut points = [Vec::new(), Vec::new()];
     // A dataset of one keyframe has no training ones; its own depth is all there is.
     let frames: &[usize] = if train.is_empty() { &[0] } else { train };
@@ -75,20 +75,20 @@ pub(super) fn sample_points(
         let pose = header.poses[index].world_from_camera;
         let mut rng = Rng::keyed(header.seed, STAGE_POINTS, index as u64);
         for _ in 0..POINTS.div_ceil(frames.len()) {
-            let (x, y) = (rng.below(optical.width), rng.below(optical.height));
+            let (x, y) = (rng.below(light.width), rng.below(light.height));
             let z = f64::from(depth[(x, y)]);
             if !(z > 0.0 && z.is_finite()) || mask.as_ref().is_some_and(|mask| !mask[(x, y)]) {
                 continue;
             }
-            let in_camera = optical.unproject(x as f64 + 0.5, y as f64 + 0.5) * z;
+            let in_camera = light.unproject(x as f64 + 0.5, y as f64 + 0.5) * z;
             let position = pose.transform_point(in_camera);
             let at = [x as f64 + 0.5, y as f64 + 0.5];
             points[0].push(SeenPoint { point: ColoredPoint { position, color: image[(x, y)] }, seen: Some((index, at)) });
-            if let (Some(p), Some(rf_image)) = (rf.project(in_camera), rf_images.get(index))
-                && (0.0..rf.width as f64).contains(&p.x)
-                && (0.0..rf.height as f64).contains(&p.y)
+            if let (Some(p), Some(radio_image)) = (radio.project(in_camera), radio_images.get(index))
+                && (0.0..radio.width as f64).contains(&p.x)
+                && (0.0..radio.height as f64).contains(&p.y)
             {
-                let point = ColoredPoint { position, color: rf_image[(p.x as usize, p.y as usize)] };
+                let point = ColoredPoint { position, color: radio_image[(p.x as usize, p.y as usize)] };
                 points[1].push(SeenPoint { point, seen: Some((index, p.to_array())) });
             }
         }

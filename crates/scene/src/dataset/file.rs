@@ -19,7 +19,8 @@ pub(super) struct DatasetFile {
     pub db_range: Option<DbRange>,
     /// Largest spectrum value of all keyframes, dB; null without radio.
     pub peak_db: Option<f64>,
-    pub rf_frames: RfFrames,
+    #[serde(rename = "rf_frames")]
+    pub radio_frames: RadioFrames,
     pub split: SplitLists,
     pub header: DatasetHeader,
     /// Relative path (forward slashes) → size and SHA-256, of every file but this one.
@@ -29,7 +30,7 @@ pub(super) struct DatasetFile {
 /// Statistics of the spectra, one entry per keyframe.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct RfFrames {
+pub(super) struct RadioFrames {
     /// Largest spectrum value, dB; null without any power.
     pub peak_db: Vec<Option<f64>>,
     /// Share of the arriving power inside the RF frame.

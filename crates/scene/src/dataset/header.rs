@@ -29,9 +29,11 @@ pub struct DatasetHeader {
     #[serde(default, skip_serializing_if = "Modalities::are_both")]
     pub modalities: Modalities,
     /// Camera of `optical/`; without light that of `rf/`.
-    pub optical_camera: Pinhole,
+    #[serde(rename = "optical_camera")]
+    pub light_camera: Pinhole,
     /// Camera of `rf/`; without radio a nominal one that took nothing.
-    pub rf_camera: Pinhole,
+    #[serde(rename = "rf_camera")]
+    pub radio_camera: Pinhole,
     /// Image of `rf/sphere`, where it is written.
     pub sphere: Option<Equirectangular>,
     /// Exposure the images were developed with, EV, if known.
@@ -226,7 +228,7 @@ impl DatasetHeader {
     pub(crate) fn of_capture(
         name: String,
         modalities: Modalities,
-        [optical_camera, rf_camera]: [Pinhole; 2],
+        [light_camera, radio_camera]: [Pinhole; 2],
         (quantity, dynamic_range_db): (Quantity, f64),
         imported: Imported,
     ) -> Self {
@@ -234,8 +236,8 @@ impl DatasetHeader {
             name,
             seed: 0,
             modalities,
-            optical_camera,
-            rf_camera,
+            light_camera,
+            radio_camera,
             sphere: None,
             exposure_ev: None,
             denoiser: None,
@@ -273,18 +275,18 @@ impl DatasetHeader {
             name: config.name.clone(),
             seed: config.seed,
             modalities: Modalities::BOTH,
-            optical_camera: config.optical_camera(),
-            rf_camera: config.rf_camera(),
-            sphere: config.rf.sphere.map(|[width, height]| Equirectangular { width, height }),
-            exposure_ev: Some(config.optical.exposure_ev.unwrap_or(exposure_ev)),
+            light_camera: config.light_camera(),
+            radio_camera: config.radio_camera(),
+            sphere: config.radio.sphere.map(|[width, height]| Equirectangular { width, height }),
+            exposure_ev: Some(config.light.exposure_ev.unwrap_or(exposure_ev)),
             denoiser: None,
             light_adapter: None,
             frequency_hz: Some(scene_config.radio.frequency_hz),
             transmitter: Some(*config.transmitter_of(scene_config)?),
             receiver: Some(scene_config.receiver),
-            spectrum: Some(config.rf.spectrum),
-            quantity: Quantity::of(config.rf.spectrum),
-            dynamic_range_db: config.rf.dynamic_range_db,
+            spectrum: Some(config.radio.spectrum),
+            quantity: Quantity::of(config.radio.spectrum),
+            dynamic_range_db: config.radio.dynamic_range_db,
             tutorial_range: None,
             materials: MaterialRecord::all(scene, scene_config.radio.frequency_hz)?,
             sampling_error: None,

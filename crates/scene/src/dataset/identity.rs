@@ -18,7 +18,7 @@ pub fn check_finished(dir: impl AsRef<Path>, header: &DatasetHeader) -> Result<(
     let dir = dir.as_ref();
     let dataset = Dataset::open(dir)?;
     let there = dataset.header();
-    let metered = header.config.as_ref().is_some_and(|c| c.optical.exposure_ev.is_none());
+    let metered = header.config.as_ref().is_some_and(|c| c.light.exposure_ev.is_none());
     let wanted = DatasetHeader {
         exposure_ev: if metered { there.exposure_ev } else { header.exposure_ev },
         sampling_error: there.sampling_error,

@@ -42,7 +42,7 @@ pub(super) fn depth_png(index: usize) -> String {
 pub(super) fn spectrum(index: usize) -> String {
     format!("rf/spectra/{}.exr", stem(index))
 }
-pub(super) fn rf_image(index: usize) -> String {
+pub(super) fn radio_image(index: usize) -> String {
     format!("rf/images/{}.png", stem(index))
 }
 pub(super) fn db(index: usize) -> String {

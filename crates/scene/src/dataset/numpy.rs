@@ -36,7 +36,7 @@ pub fn keyframe_npz(dataset: &Dataset, index: usize) -> Result<Vec<u8>> {
     ];
     if let Some(Light { image, depth_m, mask, .. }) = &keyframe.light {
         arrays.push(Array::new("image", &[image.height(), image.width(), 3], Values::U8(image.pixels().concat())));
-        arrays.push(intrinsics("optical_intrinsics", &dataset.optical_camera()));
+        arrays.push(intrinsics("optical_intrinsics", &dataset.light_camera()));
         if let Some(depth) = depth_m {
             arrays.push(Array::new("depth_m", &[depth.height(), depth.width()], Values::F32(depth.pixels().to_vec())));
         }
@@ -46,7 +46,7 @@ pub fn keyframe_npz(dataset: &Dataset, index: usize) -> Result<Vec<u8>> {
     }
     if let (Some(Radio { spectrum }), Some(range)) = (&keyframe.radio, dataset.db_range()) {
         arrays.push(Array::new("spectrum", &[spectrum.height(), spectrum.width()], Values::F32(spectrum.pixels().to_vec())));
-        arrays.push(intrinsics("rf_intrinsics", &dataset.rf_camera()));
+        arrays.push(intrinsics("rf_intrinsics", &dataset.radio_camera()));
         arrays.push(text("spectrum_unit", dataset.header().quantity.unit().to_owned()));
         arrays.push(Array::new("db_range", &[2], Values::F64(vec![range.min_db, range.max_db])));
     }

@@ -73,7 +73,7 @@ impl Dataset {
         if let Some(range) = &file.db_range {
             bounds::db_range(&key("db_range"), range)?;
         }
-        for (name, camera) in [("optical_camera", &file.header.optical_camera), ("rf_camera", &file.header.rf_camera)] {
+        for (name, camera) in [("optical_camera", &file.header.light_camera), ("rf_camera", &file.header.radio_camera)] {
             bounds::pinhole(&key(&format!("header.{name}")), camera)?;
         }
         if let Some(frequency_hz) = file.header.frequency_hz {
@@ -139,13 +139,13 @@ impl Dataset {
     }
 
     /// The camera of the optical images; without light that of the spectra.
-    pub fn optical_camera(&self) -> Pinhole {
-        self.file.header.optical_camera
+    pub fn light_camera(&self) -> Pinhole {
+        self.file.header.light_camera
     }
 
     /// The camera of the spectra; without radio a nominal one.
-    pub fn rf_camera(&self) -> Pinhole {
-        self.file.header.rf_camera
+    pub fn radio_camera(&self) -> Pinhole {
+        self.file.header.radio_camera
     }
 
     /// All poses, in order.
@@ -185,12 +185,12 @@ impl Dataset {
 
     /// Per keyframe: of the power that arrived, the share from directions inside the RF frame.
     pub fn share_in_frame(&self) -> &[Option<f64>] {
-        &self.file.rf_frames.share_in_frame
+        &self.file.radio_frames.share_in_frame
     }
 
     /// Mean, smallest and largest of [`Dataset::share_in_frame`].
     pub fn share_in_frame_summary(&self) -> Option<Summary> {
-        self.file.rf_frames.share_in_frame_summary
+        self.file.radio_frames.share_in_frame_summary
     }
 
     /// SHA-256 of `dataset.json`, which holds that of every other file.
@@ -223,14 +223,14 @@ impl Dataset {
 
     fn radio_of(&self, index: usize) -> Result<Radio> {
         let name = layout::spectrum(index);
-        let spectrum = self.sized(index, &name, &self.rf_camera(), own_file(&self.dir, &name).and_then(io::read_exr_f32))?;
+        let spectrum = self.sized(index, &name, &self.radio_camera(), own_file(&self.dir, &name).and_then(io::read_exr_f32))?;
         check_spectrum(&spectrum, &format!("{}: keyframe {index}", self.dir.join(&name).display()))?;
         Ok(Radio { spectrum })
     }
 
     fn light_of(&self, index: usize) -> Result<Light> {
         let has = |path: &str| self.file.files.contains_key(path);
-        let (o, name) = (self.optical_camera(), layout::image(index));
+        let (o, name) = (self.light_camera(), layout::image(index));
         let image = self.sized(index, &name, &o, own_file(&self.dir, &name).and_then(io::read_png))?;
         let (depth, surface) = (layout::depth(index), layout::surface(index));
         let depth_m = has(&depth)
@@ -266,7 +266,7 @@ impl Dataset {
         if !self.file.files.contains_key(&name) {
             return Ok(None);
         }
-        self.sized(index, &name, &self.optical_camera(), own_file(&self.dir, &name).and_then(io::read_mask)).map(Some)
+        self.sized(index, &name, &self.light_camera(), own_file(&self.dir, &name).and_then(io::read_mask)).map(Some)
     }
 
     /// The linear radiance of keyframe `index`, where the dataset keeps it.
@@ -291,7 +291,7 @@ impl Dataset {
         if !self.file.files.contains_key(&name) {
             return Ok(None);
         }
-        self.sized(index, &name, &self.optical_camera(), own_file(&self.dir, &name).and_then(io::read_exr_rgb)).map(Some)
+        self.sized(index, &name, &self.light_camera(), own_file(&self.dir, &name).and_then(io::read_exr_rgb)).map(Some)
     }
 
     /// Gives a raster of the camera's size on, and names the keyframe in what went wrong otherwise.

@@ -27,8 +27,8 @@ fn header() -> DatasetHeader {
         name: "tiny".into(),
         seed: 3,
         modalities: Modalities::BOTH,
-        optical_camera: Pinhole::from_horizontal_fov(16, 9, 90.0),
-        rf_camera: Pinhole::from_horizontal_fov(12, 8, 90.0),
+        light_camera: Pinhole::from_horizontal_fov(16, 9, 90.0),
+        radio_camera: Pinhole::from_horizontal_fov(12, 8, 90.0),
         sphere: Some(Equirectangular { width: 6, height: 3 }),
         exposure_ev: Some(0.5),
         denoiser: None,
@@ -174,7 +174,7 @@ fn a_numpy_archive_holds_the_keyframe_and_says_what_it_is() {
     let spectrum: Vec<f64> = keyframe.radio.unwrap().spectrum.pixels().iter().map(|v| f64::from(*v)).collect();
     assert_eq!(floats("spectrum"), (vec![8, 12], spectrum));
     assert_eq!(floats("world_from_camera"), (vec![4, 4], keyframe.world_from_camera.to_rows().concat()));
-    let camera = dataset.optical_camera();
+    let camera = dataset.light_camera();
     assert_eq!(floats("optical_intrinsics").1, [camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0]);
     assert_eq!(floats("db_range").1, [-106.0, -56.0]);
     assert_eq!(floats("depth_m").0, [9, 16]);
@@ -192,7 +192,7 @@ fn a_numpy_archive_holds_the_keyframe_and_says_what_it_is() {
 fn the_points_of_the_model_say_where_they_were_seen() {
     let dir = tempfile::tempdir().unwrap();
     let dataset = written(dir.path());
-    for (root, camera) in [("optical", dataset.optical_camera()), ("rf", dataset.rf_camera())] {
+    for (root, camera) in [("optical", dataset.light_camera()), ("rf", dataset.radio_camera())] {
         let read = |name: &str| io::read_text(dir.path().join(format!("{root}/sparse/0/{name}.txt"))).unwrap();
         let numbers = |line: &str| line.split(' ').filter(|f| !f.is_empty()).map(|f| f.parse().unwrap()).collect::<Vec<f64>>();
         let images = read("images");
@@ -436,7 +436,7 @@ fn points_lie_on_what_the_training_keyframes_see() {
     let dir = tempfile::tempdir().unwrap();
     let dataset = written(dir.path());
     let train: Vec<Rigid3> = dataset.train_indices().iter().map(|i| dataset.poses()[*i].world_from_camera.inverse()).collect();
-    let camera = dataset.optical_camera();
+    let camera = dataset.light_camera();
     for root in ["optical", "rf"] {
         let text = io::read_text(dir.path().join(root).join("sparse/0/points3D.txt")).unwrap();
         let points: Vec<Vec<f64>> = text

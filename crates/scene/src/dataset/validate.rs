@@ -167,10 +167,10 @@ fn check_keyframe(dataset: &Dataset, index: usize) -> (Vec<Finding>, Option<Sigh
         if peak > 0.0 && 10.0 * f64::from(peak).log10() > range.max_db + STATED_RANGE_TOLERANCE_DB {
             fail(layout::spectrum(index), "its peak is above the dataset's dB range", "generate the dataset again");
         }
-        match io::read_png(dataset.dir().join(layout::rf_image(index))) {
+        match io::read_png(dataset.dir().join(layout::radio_image(index))) {
             Err(e) => return (findings.into_iter().chain([of_error(e)]).collect(), sight),
             Ok(image) if image != range.jet_image(&radio.spectrum) => {
-                fail(layout::rf_image(index), "is not the Jet image of the spectrum", "generate the dataset again");
+                fail(layout::radio_image(index), "is not the Jet image of the spectrum", "generate the dataset again");
             }
             Ok(_) => {}
         }

@@ -4,7 +4,7 @@ use super::checks::check_spectrum;
 use super::conventions;
 use super::darkness::{self, Sight};
 use super::export::{self, ColoredPoint, Modality};
-use super::file::{DatasetFile, FileRecord, RfFrames};
+use super::file::{DatasetFile, FileRecord, RadioFrames};
 use super::header::{DATASET_SCHEMA, DatasetHeader, SplitLists, Summary};
 use super::header::{from_json, generator, to_json, trajectory_json};
 use super::{identity, layout, leftovers};
@@ -331,7 +331,7 @@ impl DatasetWriter {
         if let Some(depth) = light.as_ref().and_then(|light| light.depth_m.as_ref()) {
             let seen = || depth.map(|d| if d.is_finite() { *d } else { 0.0 });
             contents.push((layout::depth(index), Box::new(move || io::encode_exr_f32(&seen(), "Z"))));
-            if self.header.config.as_ref().is_some_and(|c| c.optical.write_depth_png) {
+            if self.header.config.as_ref().is_some_and(|c| c.light.write_depth_png) {
                 contents.push((layout::depth_png(index), Box::new(|| io::encode_png16(&depth.map(|d| millimetres(*d))))));
             }
         }
@@ -369,7 +369,7 @@ impl DatasetWriter {
     }
 
     fn check(&self, place: &str, frame: &KeyframeContent) -> Result<()> {
-        let (o, r) = (&self.header.optical_camera, &self.header.rf_camera);
+        let (o, r) = (&self.header.light_camera, &self.header.radio_camera);
         let has = self.header.modalities;
         let KeyframeContent { light, radio, extras } = frame;
         for (name, given, wanted) in [("image", light.is_some(), has.light), ("spectrum", radio.is_some(), has.radio)] {
@@ -465,7 +465,7 @@ impl DatasetWriter {
         let range = self.range_of(records.iter().map(|r| r.peak).fold(0.0, f32::max))?;
 
         let shares = records.iter().map(|r| r.share_in_frame);
-        let rf_frames = RfFrames {
+        let radio_frames = RadioFrames {
             peak_db: records.iter().map(|r| (r.peak > 0.0).then(|| decibels(r.peak))).collect(),
             share_in_frame_summary: Summary::of(shares.clone().flatten()),
             share_in_frame: shares.collect(),
@@ -480,23 +480,23 @@ impl DatasetWriter {
             Ok(())
         };
         let spectra = range.as_ref().map(|(range, _)| range);
-        let rf_images: Vec<Raster<[u8; 3]>> = match spectra {
+        let radio_images: Vec<Raster<[u8; 3]>> = match spectra {
             Some(range) => {
                 (0..self.len()).into_par_iter().map(|i| Ok(range.jet_image(&self.spectrum(i)?))).collect::<Result<_>>()?
             }
             None => Vec::new(),
         };
-        let encoded: Vec<Vec<u8>> = rf_images.par_iter().map(io::encode_png).collect::<Result<_>>()?;
+        let encoded: Vec<Vec<u8>> = radio_images.par_iter().map(io::encode_png).collect::<Result<_>>()?;
         for (i, bytes) in encoded.iter().enumerate() {
-            put(layout::rf_image(i), bytes)?;
+            put(layout::radio_image(i), bytes)?;
         }
-        if let Some(range) = spectra.filter(|_| self.header.config.as_ref().is_some_and(|c| c.rf.write_db)) {
+        if let Some(range) = spectra.filter(|_| self.header.config.as_ref().is_some_and(|c| c.radio.write_db)) {
             for i in 0..self.len() {
                 put(layout::db(i), &io::encode_exr_f32_in(&range.db_image(&self.spectrum(i)?), "Y", "dB")?)?;
             }
         }
         let split = SplitLists::of(&self.header, self.len());
-        let points = export::sample_points(&self.dir, &self.header, &split.train, &rf_images, known)?;
+        let points = export::sample_points(&self.dir, &self.header, &split.train, &radio_images, known)?;
         for modality in Modality::all(&self.header) {
             let points = &points[usize::from(modality.root != "optical")];
             for (name, text) in export::files(&modality, &self.header.poses, &split, points, self.header.offset_m())? {
@@ -511,7 +511,7 @@ impl DatasetWriter {
             conventions: conventions::of(&self.header, spectra),
             db_range: range.map(|(range, _)| range),
             peak_db: range.map(|(_, peak_db)| peak_db),
-            rf_frames,
+            radio_frames,
             split,
             header: self.header.clone(),
             files,

@@ -53,7 +53,7 @@ impl<'d> Nerfstudio<'d> {
             offset_m: dataset.header().offset_m(),
         };
         let split = [dataset.train_indices(), dataset.test_indices()];
-        let transforms = transforms_json(&dataset.optical_camera(), dataset.poses(), split, Some(&besides))?;
+        let transforms = transforms_json(&dataset.light_camera(), dataset.poses(), split, Some(&besides))?;
         let whole = vec![(POINTS.to_owned(), cloud(&points)), ("transforms.json".to_owned(), transforms.into_bytes())];
         Ok(Self { dataset, whole })
     }

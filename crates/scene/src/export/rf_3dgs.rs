@@ -37,25 +37,25 @@ impl<'d> Rf3dgs<'d> {
     pub fn new(dataset: &'d Dataset) -> Result<Self> {
         let place = || dataset.dir().display().to_string();
         let (true, Some(range)) = (dataset.modalities().light, dataset.db_range()) else { return Err(not_both(dataset)) };
-        let (optical, rf) = (dataset.optical_camera(), dataset.rf_camera());
-        let camera = in_frame_of(&optical, &rf);
+        let (light, radio) = (dataset.light_camera(), dataset.radio_camera());
+        let camera = in_frame_of(&light, &radio);
         let corners = [(0.0, 0.0), (camera.width as f64, camera.height as f64)];
         let seen = corners.map(|(x, y)| {
             let ray = camera.unproject(x, y);
-            [rf.fx * ray.x + rf.cx, rf.fy * ray.y + rf.cy]
+            [radio.fx * ray.x + radio.cx, radio.fy * ray.y + radio.cy]
         });
         let inside = seen.iter().all(|[x, y]| {
-            (-SAME_FRAME_PX..=rf.width as f64 + SAME_FRAME_PX).contains(x)
-                && (-SAME_FRAME_PX..=rf.height as f64 + SAME_FRAME_PX).contains(y)
+            (-SAME_FRAME_PX..=radio.width as f64 + SAME_FRAME_PX).contains(x)
+                && (-SAME_FRAME_PX..=radio.height as f64 + SAME_FRAME_PX).contains(y)
         });
         if !inside {
             let what = "the images show directions of which the spectra know nothing, and RF-3DGS has one camera for both";
             let help = "give RF-3DGS the folders optical/ and rf/ of the data set, which it opens as they are";
             return Err(Error::invalid(place(), what, help));
         }
-        let size = [rf.width as f64, rf.height as f64];
+        let size = [radio.width as f64, radio.height as f64];
         let off = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
-        let resampled = camera.height != rf.height || off(seen[0], [0.0; 2]).max(off(seen[1], size)) > SAME_FRAME_PX;
+        let resampled = camera.height != radio.height || off(seen[0], [0.0; 2]).max(off(seen[1], size)) > SAME_FRAME_PX;
         let whole = ["sparse/0/cameras.txt", "sparse/0/images.txt", "sparse/0/points3D.txt", "train_index.txt", "test_index.txt"]
             .into_iter()
             .map(|name| Ok((name.to_owned(), io::read(dataset.dir().join("optical").join(name))?)))
@@ -70,7 +70,7 @@ impl FolderExport for Rf3dgs<'_> {
         let (Some(light), Some(Radio { spectrum })) = (keyframe.light, keyframe.radio) else {
             return Err(not_both(self.dataset));
         };
-        let resampled = self.resampled.then(|| resample(&spectrum, &self.dataset.rf_camera(), &self.camera));
+        let resampled = self.resampled.then(|| resample(&spectrum, &self.dataset.radio_camera(), &self.camera));
         let jet = self.range.jet_image(resampled.as_ref().unwrap_or(&spectrum));
         Ok(vec![
             (format!("images/{}.png", stem(index)), io::encode_png(&light.image)?),
@@ -83,8 +83,9 @@ impl FolderExport for Rf3dgs<'_> {
     }
 
     fn findings(&self) -> Vec<Finding> {
-        let (rf, c) = (self.dataset.rf_camera(), &self.camera);
-        let what = format!("resampled from {}x{} to {}x{} pixels, the frame of images/", rf.width, rf.height, c.width, c.height);
+        let (radio, c) = (self.dataset.radio_camera(), &self.camera);
+        let what =
+            format!("resampled from {}x{} to {}x{} pixels, the frame of images/", radio.width, radio.height, c.width, c.height);
         let help = "the data set's own folder rf/ has them as they are; RF-3DGS opens it as well";
         let finding = Finding::new(Severity::Note, "spectrum/", what, help);
         self.resampled.then_some(finding).into_iter().collect()
@@ -97,11 +98,11 @@ fn not_both(dataset: &Dataset) -> Error {
 }
 
 /// The camera that shows what `frame` shows, with as many columns as `rf` and pixels about square.
-fn in_frame_of(frame: &Pinhole, rf: &Pinhole) -> Pinhole {
-    let x = rf.width as f64 / frame.width as f64;
+fn in_frame_of(frame: &Pinhole, radio: &Pinhole) -> Pinhole {
+    let x = radio.width as f64 / frame.width as f64;
     let height = ((frame.height as f64 * x * frame.fx / frame.fy).round() as usize).max(1);
     let y = height as f64 / frame.height as f64;
-    Pinhole { width: rf.width, height, fx: x * frame.fx, fy: y * frame.fy, cx: x * frame.cx, cy: y * frame.cy }
+    Pinhole { width: radio.width, height, fx: x * frame.fx, fy: y * frame.fy, cx: x * frame.cx, cy: y * frame.cy }
 }
 
 /// Linear power at the centres of the pixels of `to`, bilinear between the centres of those of `from`; at its border their own.
@@ -128,17 +129,17 @@ fn resample(spectrum: &Raster<f32>, from: &Pinhole, to: &Pinhole) -> Raster<f32>
 mod tests {
     use super::*;
 
-    const RF: Pinhole = Pinhole { width: 48, height: 32, fx: 24.0, fy: 24.0, cx: 24.0, cy: 16.0 };
+    const RADIO: Pinhole = Pinhole { width: 48, height: 32, fx: 24.0, fy: 24.0, cx: 24.0, cy: 16.0 };
 
     #[test]
     fn the_frame_of_the_images_is_kept_in_the_columns_of_the_spectra() {
         let wide = Pinhole { width: 1600, height: 900, fx: 800.0, fy: 800.0, cx: 800.0, cy: 450.0 };
-        let camera = in_frame_of(&wide, &RF);
+        let camera = in_frame_of(&wide, &RADIO);
         assert_eq!((camera.width, camera.height, camera.fx, camera.cx, camera.cy), (48, 27, 24.0, 24.0, 13.5));
-        assert_eq!(in_frame_of(&RF, &RF), RF);
+        assert_eq!(in_frame_of(&RADIO, &RADIO), RADIO);
         // Pixels that are not square stay in the frame.
         let tall = Pinhole { fy: 400.0, ..wide };
-        assert_eq!(in_frame_of(&tall, &RF).height, 54);
+        assert_eq!(in_frame_of(&tall, &RADIO).height, 54);
     }
 
     #[test]
@@ -148,14 +149,14 @@ mod tests {
             let ray = camera.unproject(x as f64 + 0.5, y as f64 + 0.5);
             3.0 + ray.x - 2.0 * ray.y
         };
-        let mut spectrum = Raster::filled(RF.width, RF.height, 0.0);
-        for y in 0..RF.height {
-            for x in 0..RF.width {
-                spectrum[(x, y)] = plane(&RF, x, y) as f32;
+        let mut spectrum = Raster::filled(RADIO.width, RADIO.height, 0.0);
+        for y in 0..RADIO.height {
+            for x in 0..RADIO.width {
+                spectrum[(x, y)] = plane(&RADIO, x, y) as f32;
             }
         }
         let to = Pinhole { width: 40, height: 20, fx: 24.0, fy: 24.0, cx: 19.0, cy: 11.0 };
-        let out = resample(&spectrum, &RF, &to);
+        let out = resample(&spectrum, &RADIO, &to);
         for y in 0..to.height {
             for x in 0..to.width {
                 assert!((f64::from(out[(x, y)]) - plane(&to, x, y)).abs() < 1e-6, "{x} {y}");

@@ -6,7 +6,7 @@ use crate::model::{Material, Object, Scattering, ScatteringPattern, Triangle};
 fn scene() -> Scene {
     let material = |name: &str, permittivity, pattern| Material {
         name: name.into(),
-        optical: Default::default(),
+        light: Default::default(),
         radio: Some(RadioMaterial {
             id: name.to_lowercase(),
             permittivity,

@@ -21,7 +21,7 @@ pub(super) fn check(scene: &Scene, path: &Path) -> Result<()> {
     let emitted = |values: [f32; 3]| values.iter().all(|v| (0.0..=bounds::MAX_EMISSION).contains(v));
     let help = format!("give 0 to {:e} W/(m² sr), or candela of a light", bounds::MAX_EMISSION);
     for material in &scene.materials {
-        let surface = &material.optical;
+        let surface = &material.light;
         if !emitted(surface.emissive) {
             let what = format!("it emits {:?}", surface.emissive);
             return Err(Error::invalid(format!("{file}: material \"{}\"", material.name), what, help));

@@ -5,7 +5,7 @@ use super::notes::Notes;
 use super::obj_material::{self, Entry, Textures};
 use super::obj_text::{self, Mesh, Obj};
 use super::{ImportOptions, ImportReport, UpAxis, polygon, scene_name};
-use crate::model::{Material, Object, OpticalMaterial, Scene};
+use crate::model::{LightMaterial, Material, Object, Scene};
 use crate::{Error, Result, io};
 use glam::DMat4;
 use std::collections::{BTreeSet, HashMap};
@@ -107,33 +107,33 @@ fn materials(
     for entry in libraries {
         let name = entry.material.name.clone();
         let colored = obj.colored.contains(&Some(name.clone()));
-        let optical = if used.contains(name.as_str()) {
-            obj_material::optical(entry, colored, textures, notes)?
+        let light = if used.contains(name.as_str()) {
+            obj_material::light(entry, colored, textures, notes)?
         } else {
             // What no face uses needs no textures.
-            obj_material::optical(&entry.without_maps(), colored, textures, &mut Notes::default())?
+            obj_material::light(&entry.without_maps(), colored, textures, &mut Notes::default())?
         };
-        all.push(Material { name, optical, radio: None });
+        all.push(Material { name, light, radio: None });
     }
     let defined: BTreeSet<&str> = libraries.iter().map(|e| e.material.name.as_str()).collect();
     for (name, line) in obj.materials.iter().filter(|(name, _)| !defined.contains(name.as_str())) {
         notes.warn(format!("no library defines material \"{name}\": it is a default grey"), format!("{file}:{line}"));
-        all.push(Material { name: name.clone(), optical: plain(obj.colored.contains(&Some(name.clone()))), radio: None });
+        all.push(Material { name: name.clone(), light: plain(obj.colored.contains(&Some(name.clone()))), radio: None });
     }
     scene_textures.append(&mut textures.all);
     Ok(all)
 }
 
 /// A default grey, or white where the vertices have colours.
-fn plain(colored: bool) -> OpticalMaterial {
-    let default = OpticalMaterial::default();
-    OpticalMaterial { base_color: if colored { [1.0; 3] } else { default.base_color }, ..default }
+fn plain(colored: bool) -> LightMaterial {
+    let default = LightMaterial::default();
+    LightMaterial { base_color: if colored { [1.0; 3] } else { default.base_color }, ..default }
 }
 
 fn without_material(scene: &mut Scene, colored: bool) -> u32 {
     let known = scene.materials.iter().position(|m| m.name == NO_MATERIAL);
     known.unwrap_or_else(|| {
-        scene.materials.push(Material { name: NO_MATERIAL.into(), optical: plain(colored), radio: None });
+        scene.materials.push(Material { name: NO_MATERIAL.into(), light: plain(colored), radio: None });
         scene.materials.len() - 1
     }) as u32
 }

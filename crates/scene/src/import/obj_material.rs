@@ -3,7 +3,7 @@
 use super::ImportOptions;
 use super::mtl_text::{self, MapArguments, MtlMaterial};
 use super::notes::Notes;
-use crate::model::{AlphaMode, Filter, OpticalMaterial, Texture, TextureRef, Wrap};
+use crate::model::{AlphaMode, Filter, LightMaterial, Texture, TextureRef, Wrap};
 use crate::{Error, Raster, Result, contained, io};
 use glam::{Affine2, Mat2, Vec2};
 use std::collections::BTreeMap;
@@ -207,7 +207,7 @@ fn arguments<'e>(entry: &'e Entry, keyword: &'static str, notes: &mut Notes) -> 
 
 /// MTL in terms of metallic-roughness: Kd (taken as linear) is the base colour, with Ks where `illum` says that the surface mirrors; Ns a Blinn–Phong exponent,
 /// Ke emission, d (or 1 − Tr) times map_d coverage, Ni the index of refraction. `colored` says that its vertices have colours, which Kd multiplies.
-pub(super) fn optical(entry: &Entry, colored: bool, textures: &mut Textures<'_>, notes: &mut Notes) -> Result<OpticalMaterial> {
+pub(super) fn light(entry: &Entry, colored: bool, textures: &mut Textures<'_>, notes: &mut Notes) -> Result<LightMaterial> {
     let material = &entry.material;
     let color = |keyword: &str| material.colors.get(keyword).copied();
     let scalar = |keyword: &str| material.scalars.get(keyword).copied();
@@ -223,7 +223,7 @@ pub(super) fn optical(entry: &Entry, colored: bool, textures: &mut Textures<'_>,
         (None, None) => None,
     };
     let emissive_texture = map_ke.map(|map| textures.color(entry, "map_Ke", map)).transpose()?;
-    let default = OpticalMaterial::default();
+    let default = LightMaterial::default();
     let textured = map_kd.is_some() || colored;
     // A textured material's Kd multiplies the texture; many exporters leave it black and mean the texture alone.
     let or_white = |factor: Option<[f32; 3]>, textured: bool, otherwise| match factor {
@@ -261,7 +261,7 @@ pub(super) fn optical(entry: &Entry, colored: bool, textures: &mut Textures<'_>,
     // Blinn–Phong exponent n ↔ microfacet width α: α² = 2/(n + 2); roughness = √α. A mirror without an exponent is a sharp one.
     let without_exponent = if mirrored > 0.0 { 0.0 } else { default.roughness };
     let roughness = scalar("Ns").map_or(without_exponent, |n| (2.0 / (n.max(0.0) + 2.0)).sqrt().sqrt());
-    let optical = OpticalMaterial {
+    let light = LightMaterial {
         base_color: std::array::from_fn(|c| if mirrored > 0.0 { (kd[c] + ks[c]).min(1.0) } else { kd[c] }),
         base_color_texture,
         alpha,
@@ -273,9 +273,9 @@ pub(super) fn optical(entry: &Entry, colored: bool, textures: &mut Textures<'_>,
         ior: scalar("Ni").filter(|n| *n >= 1.0).unwrap_or(default.ior),
         ..default
     };
-    let numbers = [optical.roughness, optical.metallic, optical.ior];
-    if numbers.iter().chain(&optical.base_color).chain(&optical.emissive).any(|v| !v.is_finite()) {
+    let numbers = [light.roughness, light.metallic, light.ior];
+    if numbers.iter().chain(&light.base_color).chain(&light.emissive).any(|v| !v.is_finite()) {
         return Err(Error::invalid(entry.place("newmtl"), "a value is not finite", "repair the .mtl file"));
     }
-    Ok(optical)
+    Ok(light)
 }

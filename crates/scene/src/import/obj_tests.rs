@@ -66,7 +66,7 @@ fn obj_with_its_materials_either_way_up() {
     assert_eq!(s.bounds().unwrap().max, Vec3::new(2.0, 3.0, 0.0));
     assert!(s.normals.iter().all(|n| (*n - Vec3::Z).length() < 1e-6));
     assert_eq!((s.uvs[0], s.colors.len()), ([0.0, 1.0], 0));
-    let m = &s.materials[0].optical;
+    let m = &s.materials[0].light;
     assert_eq!((m.base_color, m.emissive, m.transmission, m.ior), ([0.8, 0.1, 0.2], [1.0, 2.0, 3.0], 0.0, 1.4));
     assert_eq!((m.alpha, m.alpha_mode), (0.25, AlphaMode::Blend));
     // Ns 98: α² = 0.02, roughness = 0.02^{1/4}.
@@ -132,7 +132,7 @@ fn marks_line_ends_continuations_and_comments_change_nothing() {
         let (s, said) = scene(&file, mark("newmtl red\r\nKd 0.8 \\\r\n 0.1 0.2 # dark\r\n"));
         let same = (s.positions == plain.positions, s.uvs == plain.uvs, s.triangles == plain.triangles);
         assert_eq!(same, (true, true, true), "{}", String::from_utf8_lossy(&file));
-        assert_eq!((s.materials[0].optical.base_color, said.as_str()), ([0.8, 0.1, 0.2], ""));
+        assert_eq!((s.materials[0].light.base_color, said.as_str()), ([0.8, 0.1, 0.2], ""));
     }
 }
 
@@ -178,7 +178,7 @@ fn materials_without_a_library_keep_their_names() {
     for line in ["mtllib room.mtl gone.mtl\nmtllib my lib.mtl", "mtllib \"my lib.mtl\""] {
         let (s, _) = read(dir.path(), square("").replace("mtllib room.mtl", line), "newmtl other\n").unwrap();
         let red = s.materials.iter().find(|m| m.name == "red").unwrap();
-        assert_eq!(red.optical.base_color, [1.0, 0.0, 0.0], "{line}");
+        assert_eq!(red.light.base_color, [1.0, 0.0, 0.0], "{line}");
     }
     refused(square("").replace("room.mtl", "../room.mtl"), "", &["room.obj:1", "leads out"]);
 }
@@ -187,7 +187,7 @@ fn materials_without_a_library_keep_their_names() {
 fn materials_say_what_they_say_in_all_their_spellings() {
     let of = |statements: &str| {
         let (s, said) = scene(square(""), format!("newmtl red\n{statements}\nnewmtl unused\nmap_Kd gone.png\n"));
-        (s.materials[0].optical.clone(), said)
+        (s.materials[0].light.clone(), said)
     };
     assert_eq!(of("Kd 0.5").0.base_color, [0.5; 3]);
     assert_eq!(of("kd .1 .2 .3 1.0").0.base_color, [0.1, 0.2, 0.3]);
@@ -236,7 +236,7 @@ fn maps_take_their_options_and_their_names_with_spaces() {
     let dir = images();
     let of = |statement: &str| {
         let (s, report) = read(dir.path(), square(""), format!("newmtl red\nKd 1 1 1\n{statement}\n")).unwrap();
-        let reference = s.materials[0].optical.base_color_texture.unwrap();
+        let reference = s.materials[0].light.base_color_texture.unwrap();
         (s.textures[0].wrap[0], reference.uv_from_uv, report.notes.join("\n"))
     };
     // File coordinates (u, v) → (2u + 0.25, 3v − 0.5), with v turned round.
@@ -262,7 +262,7 @@ fn maps_take_their_options_and_their_names_with_spaces() {
     // Emission: black and absent factors mean the texture alone.
     for (ke, expected) in [("", [1.0; 3]), ("Ke 0 0 0\n", [1.0; 3]), ("Ke 3 2 1\n", [3.0, 2.0, 1.0])] {
         let (s, _) = read(dir.path(), square(""), format!("newmtl red\n{ke}map_Ke red tex.png\n")).unwrap();
-        let m = &s.materials[0].optical;
+        let m = &s.materials[0].light;
         assert_eq!((m.emissive, m.emissive_texture.is_some()), (expected, true), "{ke}");
         assert_eq!(s.textures[0].texels[(0, 0)], [200, 40, 40, 255]);
     }
@@ -281,7 +281,7 @@ fn map_d_is_coverage_beside_the_colour() {
         ("map_Kd red tex.png\nmap_d holes.png", [200, 40, 40]),
     ] {
         let (s, report) = read(dir.path(), square(""), format!("newmtl red\nKd .8 .05 .05\nd 0.5\n{maps}\n")).unwrap();
-        let m = &s.materials[0].optical;
+        let m = &s.materials[0].light;
         assert_eq!((m.alpha, m.alpha_mode, m.base_color), (0.5, AlphaMode::Blend, [0.8, 0.05, 0.05]));
         assert_eq!((s.textures.len(), m.base_color_texture.unwrap().texture, report.notes.len()), (1, 0, 0), "{report:?}");
         let texels = &s.textures[0].texels;
@@ -300,7 +300,7 @@ fn vertices_have_colours_and_those_without_are_white() {
         let (s, said) = scene(obj, mtl);
         assert_eq!(s.colors.len(), s.positions.len());
         let by_place = |p: Vec3| s.positions.iter().position(|q| *q == p).map(|i| s.colors[i]);
-        (by_place(Vec3::ZERO), by_place(Vec3::X), by_place(Vec3::Y), s.materials[0].optical.base_color, said)
+        (by_place(Vec3::ZERO), by_place(Vec3::X), by_place(Vec3::Y), s.materials[0].light.base_color, said)
     };
     let text = "mtllib room.mtl\nusemtl red\nv 0 0 0 1 0.5 0.25\nv 1 0 0 0 0 1 0.5\nv 0 1 0\nf 1 2 3\n";
     let (a, b, c, base, said) = colors(text, "newmtl red\nKd 0.5 0.5 0.5\n");

@@ -120,12 +120,12 @@ fn node_transforms_compose_and_y_up_becomes_z_up() {
 fn materials_textures_and_lights_arrive() {
     let s = scene();
     let m = &s.materials[0];
-    assert_eq!((m.name.as_str(), m.optical.base_color, m.optical.roughness), ("Paint", [0.5, 0.25, 0.125], 0.75));
-    assert_eq!(m.optical.emissive, [4.0, 2.0, 0.0]);
-    assert_eq!((m.optical.transmission, m.optical.ior, m.optical.double_sided), (0.9, 1.45, false));
+    assert_eq!((m.name.as_str(), m.light.base_color, m.light.roughness), ("Paint", [0.5, 0.25, 0.125], 0.75));
+    assert_eq!(m.light.emissive, [4.0, 2.0, 0.0]);
+    assert_eq!((m.light.transmission, m.light.ior, m.light.double_sided), (0.9, 1.45, false));
     let radio = m.radio.as_ref().unwrap();
     assert_eq!((radio.id.as_str(), &radio.permittivity), ("plasterboard", &Permittivity::Itu("plasterboard".into())));
-    let t = m.optical.base_color_texture.unwrap();
+    let t = m.light.base_color_texture.unwrap();
     assert_eq!(s.textures[0].texels.pixels(), &[[255, 0, 0, 255], [0, 0, 255, 255]]);
     assert_eq!(s.textures[0].wrap, [Wrap::Clamp, Wrap::Mirror]);
     // The extension's own example: the unit square becomes the lower left quadrant (v down), turned.

@@ -44,9 +44,11 @@ pub struct LiveDescription {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bounds_m: Option<[[f64; 3]; 2]>,
     /// Camera of the images.
-    pub optical_camera: Pinhole,
+    #[serde(rename = "optical_camera")]
+    pub light_camera: Pinhole,
     /// Camera of the spectra, at the position and with the axes of the optical one.
-    pub rf_camera: Pinhole,
+    #[serde(rename = "rf_camera")]
+    pub radio_camera: Pinhole,
     /// The one decibel range of all spectra. Its upper end must hold the strongest value to come.
     pub db_range: DbRange,
     /// The fixed transmitter, if known.
@@ -103,8 +105,8 @@ impl LiveDescription {
             depth,
             depth_unit_m: None,
             bounds_m: None,
-            optical_camera: dataset.optical_camera(),
-            rf_camera: dataset.rf_camera(),
+            light_camera: dataset.light_camera(),
+            radio_camera: dataset.radio_camera(),
             db_range,
             transmitter: header.transmitter,
             receiver: header.receiver,
@@ -121,7 +123,7 @@ impl LiveDescription {
     }
 
     fn check(&self, place: &str) -> Result<()> {
-        for (name, camera) in [("optical_camera", &self.optical_camera), ("rf_camera", &self.rf_camera)] {
+        for (name, camera) in [("optical_camera", &self.light_camera), ("rf_camera", &self.radio_camera)] {
             let key = format!("{place}, key `{name}`");
             bounds::pinhole(&key, camera)?;
             bounds::in_pixels(&key, camera)?;
@@ -174,7 +176,7 @@ impl LiveDescription {
             notes,
             sources: BTreeMap::new(),
         };
-        let cameras = [self.optical_camera, self.rf_camera];
+        let cameras = [self.light_camera, self.radio_camera];
         let levels = (self.quantity, self.db_range.max_db - self.db_range.min_db);
         DatasetHeader {
             frequency_hz: self.frequency_hz,

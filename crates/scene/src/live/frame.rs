@@ -93,7 +93,7 @@ impl LiveFrame {
         let Loaded { path, name, bytes } =
             files.take(IMAGES, &["png", "jpg", "jpeg"], MAX_FILE_BYTES)?.ok_or_else(|| files.missing(IMAGES, "png"))?;
         let (image, mask) = io::decode_rgb_and_opacity(&bytes, path)?;
-        sized(&name, &image, &description.optical_camera)?;
+        sized(&name, &image, &description.light_camera)?;
         if mask.as_ref().is_some_and(|opaque| !opaque.pixels().contains(&true)) {
             let what = "none of its pixels is opaque, so that none counts";
             return Err(Error::invalid(name, what, "write images without an alpha channel, or opaque where a pixel counts"));
@@ -102,7 +102,7 @@ impl LiveFrame {
         let Loaded { path, name, bytes } =
             files.take(SPECTRA, &["exr", "npy"], MAX_FILE_BYTES)?.ok_or_else(|| files.missing(SPECTRA, "exr"))?;
         let map = io::decode_map(&bytes, path)?;
-        sized(&name, &map.values, &description.rf_camera)?;
+        sized(&name, &map.values, &description.radio_camera)?;
         let spectrum = power(map, &name, description)?;
 
         let depth_m = match description.depth {
@@ -192,7 +192,7 @@ fn power(map: Map, name: &str, description: &LiveDescription) -> Result<Raster<f
 
 fn read_depth(Loaded { path, name, bytes }: &Loaded, description: &LiveDescription) -> Result<Raster<f32>> {
     let map = io::decode_map(bytes, path)?;
-    sized(name, &map.values, &description.optical_camera)?;
+    sized(name, &map.values, &description.light_camera)?;
     map.into_depth_m(description.depth_unit_m, name, "`depth_unit_m` in capture.toml")
 }
 
@@ -215,8 +215,8 @@ mod tests {
             depth: true,
             depth_unit_m: None,
             bounds_m: Some([[-1.0; 3], [1.0; 3]]),
-            optical_camera: Pinhole::from_horizontal_fov(16, 8, 90.0),
-            rf_camera: Pinhole::from_horizontal_fov(8, 4, 90.0),
+            light_camera: Pinhole::from_horizontal_fov(16, 8, 90.0),
+            radio_camera: Pinhole::from_horizontal_fov(8, 4, 90.0),
             db_range: DbRange { min_db: -90.0, max_db: -20.0 },
             transmitter: None,
             receiver: None,

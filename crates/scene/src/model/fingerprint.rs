@@ -77,7 +77,7 @@ mod tests {
         assert!(!changed(&|_| ()));
         assert!(changed(&|s| s.positions[7].z += 1e-6));
         assert!(changed(&|s| s.triangles[3].material += 1));
-        assert!(changed(&|s| s.materials[0].optical.roughness += 1e-6));
+        assert!(changed(&|s| s.materials[0].light.roughness += 1e-6));
         assert!(changed(&|s| s.textures[0].texels[(1, 1)][0] ^= 1));
         assert!(changed(&|s| s.textures[0].wrap[0] = crate::model::Wrap::Clamp));
     }

@@ -1,7 +1,7 @@
 //! Contents of a scene in numbers, and findings of its validation.
 
 use crate::finding::{Finding, Severity};
-use crate::model::{OpticalMaterial, Scene};
+use crate::model::{LightMaterial, Scene};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -50,7 +50,7 @@ pub struct MaterialInfo {
     pub emissive: bool,
 }
 
-fn emits(m: &OpticalMaterial) -> bool {
+fn emits(m: &LightMaterial) -> bool {
     m.emissive.iter().any(|e| *e > 0.0)
 }
 
@@ -71,7 +71,7 @@ impl SceneInfo {
                 triangles: 0,
                 area_m2: 0.0,
                 radio: m.radio.as_ref().map(|r| r.id.clone()),
-                emissive: emits(&m.optical),
+                emissive: emits(&m.light),
             })
             .collect();
         for (i, t) in scene.triangles.iter().enumerate() {
@@ -225,7 +225,7 @@ fn check_numbers(scene: &Scene, findings: &mut Vec<Finding>) {
         ));
     }
     for m in &scene.materials {
-        let o = &m.optical;
+        let o = &m.light;
         let textures = [o.base_color_texture, o.metallic_roughness_texture, o.normal_texture, o.emissive_texture];
         if textures.iter().flatten().any(|t| t.texture as usize >= scene.textures.len()) {
             findings.push(Finding::error(
@@ -309,7 +309,7 @@ mod tests {
         Scene {
             name: "cube".into(),
             objects: vec![Object { name: "box".into() }],
-            materials: vec![Material { name: "grey".into(), optical: Default::default(), radio: Some(radio) }],
+            materials: vec![Material { name: "grey".into(), light: Default::default(), radio: Some(radio) }],
             normals: positions.iter().map(|p| (*p - 0.5 * edge).normalize()).collect(),
             uvs: vec![[0.0; 2]; 8],
             positions,
@@ -335,7 +335,7 @@ mod tests {
     #[test]
     fn a_sound_scene_has_no_finding_and_each_fault_has_its_own() {
         let mut lit = cube(2.0);
-        lit.materials[0].optical.emissive = [1.0; 3];
+        lit.materials[0].light.emissive = [1.0; 3];
         assert_eq!(findings(&lit), Vec::<String>::new());
         let with = |change: &dyn Fn(&mut Scene), expected: &str| {
             let mut s = lit.clone();
@@ -343,7 +343,7 @@ mod tests {
             let found = findings(&s);
             assert!(found.len() == 1 && found[0].contains(expected), "{expected}: {found:?}");
         };
-        with(&|s| s.materials[0].optical.emissive = [0.0; 3], "black");
+        with(&|s| s.materials[0].light.emissive = [0.0; 3], "black");
         with(&|s| s.materials[0].radio = None, "radio_materials.\"grey\"");
         with(&|s| s.materials[0].radio.as_mut().unwrap().thickness_m = 0.0, "thickness_m");
         with(&|s| s.materials[0].radio.as_mut().unwrap().permittivity = Permittivity::Itu("brick".into()), "not at 60 GHz");

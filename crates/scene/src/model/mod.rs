@@ -58,14 +58,14 @@ pub struct Material {
     /// Name in the file.
     pub name: String,
     /// Optical properties (visible light).
-    pub optical: OpticalMaterial,
+    pub light: LightMaterial,
     /// Radio properties at 60 GHz; tracing radio over a material that is `None` is an error.
     pub radio: Option<RadioMaterial>,
 }
 
 /// glTF metallic-roughness (the model of glTF 2.0, appendix B), linear colour.
 #[derive(Clone, Debug)]
-pub struct OpticalMaterial {
+pub struct LightMaterial {
     /// Linear base colour factor.
     pub base_color: [f32; 3],
     /// Base colour texture (sRGB).
@@ -96,7 +96,7 @@ pub struct OpticalMaterial {
     pub double_sided: bool,
 }
 
-impl Default for OpticalMaterial {
+impl Default for LightMaterial {
     fn default() -> Self {
         Self {
             base_color: [0.8; 3],

@@ -1,11 +1,11 @@
 @group(0) @binding(1) var<storage, read> core: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> rf: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> radio: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> d_position: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> d_scale: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read> d_rotation: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read> d_signal: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> core_out: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> rf_out: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> radio_out: array<vec4<f32>>;
 
 // The Gaussians of a chunk as the receiver finds them.
 @compute @workgroup_size(64)
@@ -24,5 +24,5 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     core_out[3u * i] = vec4(position, rotation.x);
     core_out[3u * i + 1u] = vec4(rotation.yzw, log_scale.x);
     core_out[3u * i + 2u] = vec4(log_scale.yz, c.zw);
-    rf_out[i] = rf[i] + d_signal[row];
+    radio_out[i] = radio[i] + d_signal[row];
 }

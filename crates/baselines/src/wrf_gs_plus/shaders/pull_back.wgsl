@@ -2,10 +2,10 @@
 @group(0) @binding(2) var<storage, read_write> core: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> core_m: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> core_v: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read_write> rf: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read_write> rf_moments: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read_write> radio: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> radio_moments: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read> core_gradient: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read> rf_gradient: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read> radio_gradient: array<vec4<f32>>;
 @group(0) @binding(9) var<storage, read> d_scale: array<vec4<f32>>;
 @group(0) @binding(10) var<storage, read_write> of_position: array<vec4<f32>>;
 @group(0) @binding(11) var<storage, read_write> of_scale: array<vec4<f32>>;
@@ -44,7 +44,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let ga = core_gradient[3u * i];
     let gb = core_gradient[3u * i + 1u];
     let gc = core_gradient[3u * i + 2u];
-    let signal = rf_gradient[i];
+    let signal = radio_gradient[i];
 
     // d ln|s| / ds = 1/s; nothing where the deviation is held at its least.
     let plain = exp(vec3(b.w, c.xy));
@@ -68,9 +68,9 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     step_core(3u * i + 1u, vec4(rotation.yzw, log_scale.x), vec4(r, r, r, l));
     step_core(3u * i + 2u, vec4(log_scale.yz, 0.0, gc.w), vec4(l, l, 0.0, params.opacity_rate));
     // Behind a Gaussian's first moments are the second.
-    var m = rf_moments[2u * i];
-    var v = rf_moments[2u * i + 1u];
-    rf[i] -= params.signal_rate * adam(signal, &m, &v);
-    rf_moments[2u * i] = m;
-    rf_moments[2u * i + 1u] = v;
+    var m = radio_moments[2u * i];
+    var v = radio_moments[2u * i + 1u];
+    radio[i] -= params.signal_rate * adam(signal, &m, &v);
+    radio_moments[2u * i] = m;
+    radio_moments[2u * i + 1u] = v;
 }

@@ -195,7 +195,7 @@ impl Network {
         let rig = workload::rig([1, 1], [300, 200]);
         let range = DbRange { min_db: -120.0, max_db: -60.0 };
         let trainer = methods::wrf_gs_plus::trainer(backend, &config, network.initial(1))?;
-        let mut reconstructor = WrfGsPlusReconstructor::new(trainer, config, rig.optical, rig.rf, range, 1)?;
+        let mut reconstructor = WrfGsPlusReconstructor::new(trainer, config, rig.light, rig.radio, range, 1)?;
         for (index, pose) in rig.world_from_camera.iter().enumerate() {
             reconstructor.receive(&Keyframe {
                 index,

@@ -44,7 +44,8 @@ pub struct Scale {
     size: Option<[usize; 2]>,
     /// RF image of steps and sequence, pixels.
     #[arg(long, value_parser = super::step::size)]
-    rf: Option<[usize; 2]>,
+    #[arg(id = "rf", long = "rf")]
+    radio: Option<[usize; 2]>,
     /// Dataset file (TOML) whose scene is traced (default: lobby147, which the program has in it).
     #[arg(long)]
     config: Option<PathBuf>,
@@ -71,8 +72,8 @@ struct Defaults {
     subdivisions: &'static [u32],
     receivers: &'static [usize],
     keyframes: &'static [usize],
-    optical: [usize; 2],
-    rf: [usize; 2],
+    light: [usize; 2],
+    radio: [usize; 2],
     /// Gaussians of the axis of pixels.
     held: usize,
     steps: usize,
@@ -87,8 +88,8 @@ const FULL: Defaults = Defaults {
     subdivisions: &[0, 1, 2],
     receivers: &[8, 16, 32, 64, 128],
     keyframes: &[128, 256, 512, 1024],
-    optical: [1600, 900],
-    rf: [300, 200],
+    light: [1600, 900],
+    radio: [300, 200],
     held: 400_000,
     steps: 160,
     repeats: 5,
@@ -102,8 +103,8 @@ const QUICK: Defaults = Defaults {
     subdivisions: &[0, 1],
     receivers: &[2, 4, 8],
     keyframes: &[8, 16, 32],
-    optical: [160, 90],
-    rf: [48, 32],
+    light: [160, 90],
+    radio: [48, 32],
     held: 8_000,
     steps: 16,
     repeats: 3,
@@ -173,7 +174,7 @@ impl Scale {
             bounds::count("--subdivisions", times as usize, MAX_SUBDIVISIONS as usize, "of them")?;
         }
         let defaults = self.defaults();
-        let largest = self.pixels.iter().chain([&self.size.unwrap_or(defaults.optical)]).map(|[w, h]| w * h).max();
+        let largest = self.pixels.iter().chain([&self.size.unwrap_or(defaults.light)]).map(|[w, h]| w * h).max();
         let images = BYTES_A_PIXEL * largest.unwrap_or(0) as f64;
         bounds::memory("--pixels, --size", "the cameras' images", images, "give fewer pixels")?;
         corf::RasterConfig { keyframe_memory_mb: self.keyframe_memory_mb, ..corf::RasterConfig::default() }.validate()?;
@@ -182,8 +183,8 @@ impl Scale {
 
     fn work(&self, axis: Axis) -> Result<Work> {
         let d = self.defaults();
-        let (optical, rf) = (self.size.unwrap_or(d.optical), self.rf.unwrap_or(d.rf));
-        let steps = StepSettings { gaussians: d.held, optical, rf, steps: d.steps, repeats: d.repeats };
+        let (light, radio) = (self.size.unwrap_or(d.light), self.radio.unwrap_or(d.radio));
+        let steps = StepSettings { gaussians: d.held, light, radio, steps: d.steps, repeats: d.repeats };
         let tracing = || {
             let settings = TraceSettings { config: self.config.clone(), poses: d.poses, quick: self.quick };
             Tracing::open(&settings).map(Box::new)
@@ -195,7 +196,7 @@ impl Scale {
             Axis::Receivers => Work::Receivers(sizes(&self.receivers, d.receivers), tracing()?),
             Axis::Keyframes => {
                 let (iterations_per_keyframe, keyframe_memory_mb) = (d.iterations_per_keyframe, self.keyframe_memory_mb);
-                let sequence = SequenceSettings { optical, rf, iterations_per_keyframe, keyframe_memory_mb };
+                let sequence = SequenceSettings { light, radio, iterations_per_keyframe, keyframe_memory_mb };
                 Work::Keyframes(sizes(&self.keyframes, d.keyframes), sequence)
             }
         })

@@ -36,7 +36,8 @@ pub struct Step {
     size: [usize; 2],
     /// RF image, pixels (default: as the optical one).
     #[arg(long, value_parser = size)]
-    rf: Option<[usize; 2]>,
+    #[arg(id = "rf", long = "rf")]
+    radio: Option<[usize; 2]>,
     /// Measure the six workloads that are published instead.
     #[arg(long)]
     table: bool,
@@ -147,8 +148,10 @@ struct Measured {
     device: String,
     gaussians: usize,
     gaussians_from: String,
-    optical: [usize; 2],
-    rf: [usize; 2],
+    #[serde(rename = "optical")]
+    light: [usize; 2],
+    #[serde(rename = "rf")]
+    radio: [usize; 2],
     /// Gaussians that reach a tile, in the last step.
     visible: usize,
     /// (Gaussian, tile) pairs of both images, most of any step.
@@ -187,7 +190,7 @@ impl Step {
             bounds::number(key, value, &(1e-6..=1e9), "of the device")?;
         }
         let pixels = |[width, height]: [usize; 2]| (width * height) as f64;
-        let images = BYTES_A_PIXEL * (pixels(self.size) + pixels(self.rf.unwrap_or(self.size)));
+        let images = BYTES_A_PIXEL * (pixels(self.size) + pixels(self.radio.unwrap_or(self.size)));
         bounds::memory("--size", "the cameras' images", images, "give fewer pixels")?;
         let gaussians = BYTES_A_GAUSSIAN * self.gaussians as f64;
         Ok(bounds::memory("--gaussians", &format!("{} Gaussians", self.gaussians), gaussians, "give fewer")?)
@@ -204,14 +207,14 @@ impl Step {
         let files = self.ply.iter().map(|p| Ok((p.display().to_string(), ply::read_coupled(p)?))).collect::<Result<Vec<_>>>()?;
         let mut workloads = vec![];
         if self.table {
-            for (n, optical, rf) in TABLE {
+            for (n, light, radio) in TABLE {
                 let file = files.iter().find(|(_, g)| g.len() == n);
-                workloads.extend(self.measure(&backend, file, n, &workload::rig(optical, rf))?);
+                workloads.extend(self.measure(&backend, file, n, &workload::rig(light, radio))?);
             }
         } else {
             let rig = match &self.cameras {
-                Some(path) => workload::read_rig(path, self.rf)?,
-                None => workload::rig(self.size, self.rf.unwrap_or(self.size)),
+                Some(path) => workload::read_rig(path, self.radio)?,
+                None => workload::rig(self.size, self.radio.unwrap_or(self.size)),
             };
             workloads.extend(self.measure(&backend, files.first(), self.gaussians, &rig)?);
         }
@@ -251,8 +254,8 @@ impl Step {
                 device: backend.name(),
                 gaussians: gaussians.len(),
                 gaussians_from: from.clone(),
-                optical: [rig.optical.width, rig.optical.height],
-                rf: [rig.rf.width, rig.rf.height],
+                light: [rig.light.width, rig.light.height],
+                radio: [rig.radio.width, rig.radio.height],
                 visible: 0,
                 pairs: None,
                 step_ms: 0.0,
@@ -399,8 +402,8 @@ fn frames_per_s(device: &mut GpuDevice, rig: &Rig, frames: usize) -> Result<[f64
 fn text(workloads: &[Measured]) -> String {
     let mut out = String::new();
     for m in workloads {
-        let [ow, oh] = m.optical;
-        let [rw, rh] = m.rf;
+        let [ow, oh] = m.light;
+        let [rw, rh] = m.radio;
         let _ = writeln!(
             out,
             "{} Gaussians ({}), {ow}x{oh} + {rw}x{rh} on {}: {:.3} ms a step (runs {:.3} to {:.3}), {} visible{}",

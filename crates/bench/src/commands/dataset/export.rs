@@ -117,7 +117,7 @@ impl Export {
         folder.finish()?;
         progress.finish();
         messages::findings(export.findings());
-        self.tell(&dataset, json)
+        self.report(&dataset, json)
     }
 
     /// Traces and writes a set in NeRF²'s layout.
@@ -129,10 +129,10 @@ impl Export {
             write_atomic(folder.path().join(name), &bytes)?;
         }
         folder.finish()?;
-        self.tell(dataset, json)
+        self.report(dataset, json)
     }
 
-    fn tell(&self, dataset: &Dataset, json: bool) -> Result<Verdict> {
+    fn report(&self, dataset: &Dataset, json: bool) -> Result<Verdict> {
         let text = format!("{} keyframes in {}", dataset.len(), self.out.display());
         show(json, &serde_json::json!({ "keyframes": dataset.len(), "out": self.out }), &text)?;
         Ok(Verdict::Done)

@@ -9,7 +9,7 @@ use crate::terminal::messages;
 use crate::terminal::progress::Progress;
 use anyhow::Result;
 use clap::{Args, ValueEnum};
-use corf_scene::capture::{self, Format, ImportOptions, Offset, RfCamera, RfValues, SplitRule, Up};
+use corf_scene::capture::{self, Format, ImportOptions, Offset, RadioCamera, RadioValues, SplitRule, Up};
 use corf_scene::dataset::{Dataset, Quantity};
 use corf_scene::keyframe::DbRange;
 use std::path::PathBuf;
@@ -40,20 +40,25 @@ pub struct Import {
     no_images: bool,
     /// Folder of spectra, one for every image by file stem: EXR or .npy of linear power, grey PNG of 8 or 16 bits, or Jet PNG.
     #[arg(long, value_name = "DIR")]
-    rf: Option<PathBuf>,
+    #[arg(id = "rf", long = "rf")]
+    radio: Option<PathBuf>,
     /// Camera of the spectra, which stands where the images' does and is turned as it: its full horizontal field of view in degrees (square pixels,
     /// axis in the middle), or FX,FY,CX,CY in pixels. rf-3dgs has one; elsewhere it must be given.
     #[arg(long, value_name = "HFOV|FX,FY,CX,CY")]
-    rf_camera: Option<Numbers>,
+    #[arg(id = "rf_camera", long = "rf-camera")]
+    radio_camera: Option<Numbers>,
     /// Levels of the darkest and the brightest value of spectra that are pictures, dB; of others, the range that the data set is to have.
     #[arg(long, value_name = "MIN,MAX")]
-    rf_db: Option<Numbers>,
+    #[arg(id = "rf_db", long = "rf-db")]
+    radio_db: Option<Numbers>,
     /// Unit of the values in EXR and .npy spectra (default: linear).
     #[arg(long, value_enum)]
-    rf_values: Option<Values>,
+    #[arg(id = "rf_values", long = "rf-values")]
+    radio_values: Option<Values>,
     /// Physical quantity of the spectra (default: unknown); of an unknown one no metrics of beams are computed.
     #[arg(long, value_enum)]
-    rf_quantity: Option<SpectrumQuantity>,
+    #[arg(id = "rf_quantity", long = "rf-quantity")]
+    radio_quantity: Option<SpectrumQuantity>,
     /// Carrier, Hz.
     #[arg(long)]
     frequency_hz: Option<f64>,
@@ -208,13 +213,13 @@ impl Import {
             Layout::Nerf2 => Format::Nerf2,
             Layout::CorfFolder => Format::CorfFolder,
         };
-        let rf_camera = match self.rf_camera.as_ref().map(|n| n.0.as_slice()) {
+        let radio_camera = match self.radio_camera.as_ref().map(|n| n.0.as_slice()) {
             None => None,
-            Some(&[hfov]) => Some(RfCamera::HorizontalFovDeg(hfov)),
-            Some(&[fx, fy, cx, cy]) => Some(RfCamera::Intrinsics([fx, fy, cx, cy])),
+            Some(&[hfov]) => Some(RadioCamera::HorizontalFovDeg(hfov)),
+            Some(&[fx, fy, cx, cy]) => Some(RadioCamera::Intrinsics([fx, fy, cx, cy])),
             Some(_) => anyhow::bail!("--rf-camera takes one number or four\n  help: HFOV in degrees, or FX,FY,CX,CY in pixels"),
         };
-        let rf_db = match self.rf_db.as_ref().map(|n| n.0.as_slice()) {
+        let radio_db = match self.radio_db.as_ref().map(|n| n.0.as_slice()) {
             None => None,
             Some(&[min_db, max_db]) if min_db < max_db => Some(DbRange { min_db, max_db }),
             Some(_) => anyhow::bail!("--rf-db takes two rising numbers\n  help: MIN,MAX in decibels, e.g. --rf-db=-110,-40"),
@@ -227,14 +232,14 @@ impl Import {
             name: self.name.clone(),
             images: self.images.clone(),
             without_images: self.no_images,
-            rf: self.rf.clone(),
-            rf_camera,
-            rf_db,
-            rf_values: self.rf_values.map(|values| match values {
-                Values::Linear => RfValues::Linear,
-                Values::Db => RfValues::Db,
+            radio: self.radio.clone(),
+            radio_camera,
+            radio_db,
+            radio_values: self.radio_values.map(|values| match values {
+                Values::Linear => RadioValues::Linear,
+                Values::Db => RadioValues::Db,
             }),
-            quantity: self.rf_quantity.map(|quantity| match quantity {
+            quantity: self.radio_quantity.map(|quantity| match quantity {
                 SpectrumQuantity::Unknown => Quantity::Unknown,
                 SpectrumQuantity::PowerPerSteradian => Quantity::PowerPerSteradian,
                 SpectrumQuantity::BeamPower => Quantity::BeamPower,
@@ -265,7 +270,7 @@ impl Import {
             .map(|name| self.source.join(name))
             .into_iter()
             .filter(|folder| folder.is_dir());
-        let given = [&self.images, &self.rf, &self.depth, &self.masks].into_iter().flatten().cloned();
+        let given = [&self.images, &self.radio, &self.depth, &self.masks].into_iter().flatten().cloned();
         let folders: Vec<_> = own.chain(given).filter(|folder| !is_same(folder, &self.source)).collect();
         let mut reads = vec![Reads::File(&self.source)];
         reads.extend(folders.iter().map(|folder| Reads::Folder(folder)));

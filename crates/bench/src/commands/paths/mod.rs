@@ -200,7 +200,7 @@ impl Paths {
         let traced = self.trace(&setup, &DiffuseSettings::default())?;
         scenario::write(&setup, &traced.set, folder.path())?;
         folder.finish()?;
-        scenario::tell(&traced.set, out);
+        scenario::report(&traced.set, out);
         Ok(Verdict::Done)
     }
 

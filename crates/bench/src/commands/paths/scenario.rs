@@ -60,7 +60,7 @@ pub(in crate::commands) fn write(setup: &LinkSetup, set: &PathSet<'_>, out: &Pat
 }
 
 /// Says how it is loaded.
-pub(in crate::commands) fn tell(set: &PathSet<'_>, out: &Path) {
+pub(in crate::commands) fn report(set: &PathSet<'_>, out: &Path) {
     let (links, paths) = (set.links.len(), set.max_paths());
     note!(
         "{links} links with up to {paths} paths each: deepmimo.config.set(\"scenarios_folder\", PARENT), then deepmimo.load(\"{}\", max_paths={paths})",

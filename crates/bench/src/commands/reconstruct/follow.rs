@@ -133,7 +133,7 @@ impl Follow<'_> {
             collected: method.collected(),
         })?;
         write_config(out, &method.config())?;
-        interrupt::say_what_is_kept("the keyframes that were recorded are kept; the same command goes on behind them");
+        interrupt::print_what_is_kept("the keyframes that were recorded are kept; the same command goes on behind them");
         interrupt::let_first_end_input(true);
         note!("following {}: {} on {}", folder.display(), self.method, method.device());
         session.wait_for_first()?;

@@ -195,7 +195,7 @@ impl Reconstruct {
             tag: format!("{} {} {}{}", dataset.hash(), protocol.name(), method.config(), initial.as_deref().unwrap_or("")),
             device: method.device(),
         });
-        interrupt::say_what_is_kept(match self.checkpoint_every {
+        interrupt::print_what_is_kept(match self.checkpoint_every {
             Some(0) => "nothing is kept of it (--checkpoint-every 0): with --resume it begins anew",
             _ => "nothing is kept of it yet: with --resume it begins anew",
         });
@@ -206,7 +206,7 @@ impl Reconstruct {
         let result = harness::reconstruct(method.as_ref(), dataset, &split, self.seed, &mut |advance: Advance<'_>| {
             progress.set(advance.done, advance.total);
             if let Some(watching) = &watching {
-                watching.tell(&advance);
+                watching.report(&advance);
             }
             interrupt::check()
         })?;

@@ -49,7 +49,7 @@ mod tests {
     fn images_of_a_room_stand_where_its_walls_mirror_the_transmitter() {
         let scenes = File::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
         let mut config = DatasetConfig::load(scenes.join("room-mini.toml")).unwrap();
-        config.rf.max_interactions = 2;
+        config.radio.max_interactions = 2;
         let scene_config = SceneConfig::load(scenes.join("room.toml")).unwrap();
         let (scene, _) = scene_config.load_scene().unwrap();
         let tx = scene_config.transmitter.position();

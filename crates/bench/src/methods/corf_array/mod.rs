@@ -6,7 +6,7 @@ mod predictor;
 
 pub use predictor::{ArrayPredictor, observer};
 
-use super::corf_gs::{CorfGsConfig, Keeper};
+use super::corf_gs::{Checkpointer, CorfGsConfig};
 use super::field::FieldPredictor;
 use crate::device::Backend;
 use crate::methods::family::{Abilities, Family, Open, Variant, over_defaults};
@@ -107,7 +107,7 @@ fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
             SensorSettings::Capon { elements, spacing_wavelengths, gated, loading }
         }
     };
-    settings.check(&training.rf_camera())?;
+    settings.check(&training.radio_camera())?;
     Ok(settings)
 }
 
@@ -181,8 +181,8 @@ impl CorfArray {
     fn light(&self, training: &TrainingSet<'_>) -> Result<CorfGsConfig> {
         let mut light = self.config.light.clone();
         if !self.config.radio.is_over_splats(&self.sensor(training)?) {
-            light.reconstruction.rf_weight = 0.0;
-            light.reconstruction.rf_pyramid_levels = Some(1);
+            light.reconstruction.radio_weight = 0.0;
+            light.reconstruction.radio_pyramid_levels = Some(1);
         }
         Ok(light)
     }
@@ -259,17 +259,18 @@ impl Method for CorfArray {
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
         let CorfArrayConfig { light, oracle_scene, radio } = &self.config;
-        let (optical_camera, rf_camera, range) = (training.optical_camera(), training.rf_camera(), training.required_db_range()?);
+        let (light_camera, radio_camera, range) =
+            (training.light_camera(), training.radio_camera(), training.required_db_range()?);
         let images = oracle_scene.as_ref().map(|path| self.images(&training.scene_behind(path)?, training)).transpose()?;
-        let radio = on_device(ArrayTrainer::new(*radio, self.sensor(training)?, rf_camera, range, seed), &self.backend)?;
+        let radio = on_device(ArrayTrainer::new(*radio, self.sensor(training)?, radio_camera, range, seed), &self.backend)?;
         let reconstruction = self.light(training)?.reconstruction;
         let device = light.device(&self.backend)?;
         let online = Online {
-            light: Reconstructor::new(device, reconstruction, optical_camera, rf_camera, range, seed)?,
+            light: Reconstructor::new(device, reconstruction, light_camera, radio_camera, range, seed)?,
             radio,
             training,
             images,
-            keeper: Keeper::new(self.checkpoints.clone()),
+            checkpointer: Checkpointer::new(self.checkpoints.clone()),
             ahead: VecDeque::new(),
             radio_s: vec![],
             advance,

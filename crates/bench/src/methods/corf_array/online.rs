@@ -1,8 +1,8 @@
 //! Keyframe after keyframe through light and radio, with checkpoints on the way.
 
-use crate::methods::corf_gs::Keeper;
+use crate::methods::corf_gs::Checkpointer;
 use crate::methods::interface::{Advance, FieldReader, StageTime, TrainingSet, shown};
-use crate::methods::stepwise::say_unless_kept;
+use crate::methods::stepwise::report_unless_kept;
 use anyhow::{Context, Result};
 use corf::array_field::{ArrayField, ArrayTrainer, Image, Observed};
 use corf::{KeyframeTiming, Reconstructor};
@@ -20,7 +20,7 @@ pub(super) struct Online<'a> {
     pub training: &'a TrainingSet<'a>,
     /// True images that are seen from each training keyframe, of an oracle.
     pub images: Option<Vec<Vec<Image>>>,
-    pub keeper: Keeper,
+    pub checkpointer: Checkpointer,
     /// Keyframes that light has received and radio has not.
     pub ahead: VecDeque<Observed>,
     /// Time that radio took, by keyframe of this session.
@@ -65,7 +65,7 @@ impl Online<'_> {
 
     /// Restores the checkpoint, if there is one, and replays its keyframes; returns their number.
     fn resume(&mut self) -> Result<usize> {
-        let Some(checkpoint) = self.keeper.read()? else { return Ok(0) };
+        let Some(checkpoint) = self.checkpointer.read()? else { return Ok(0) };
         self.light.restore(&checkpoint)?;
         let count = checkpoint.keyframes().len();
         let path = self.radio_file(count).context("a checkpoint was read, and there is no place for one")?;
@@ -75,13 +75,13 @@ impl Online<'_> {
             self.light.replay(keyframe)?;
             self.radio.replay(&observed);
         }
-        self.keeper.resumed(count);
+        self.checkpointer.resumed(count);
         Ok(count)
     }
 
     /// One keyframe in light and then in radio, and its checkpoint if it is due.
     fn process(&mut self) -> Result<()> {
-        if self.light.process().map_err(|e| self.keeper.explain(e.into()))?.is_none() {
+        if self.light.process().map_err(|e| self.checkpointer.explain(e.into()))?.is_none() {
             return Ok(());
         }
         let Some(observed) = self.ahead.pop_front() else { return Ok(()) };
@@ -92,7 +92,7 @@ impl Online<'_> {
         self.radio.train()?;
         self.radio_s.push(start.elapsed().as_secs_f64());
         let done = self.light.keyframes_expanded();
-        if self.keeper.is_due(done, false) {
+        if self.checkpointer.is_due(done, false) {
             self.keep(done)?;
         }
         let (gaussians, total) = (Some(self.light.gaussian_count()), self.training.len());
@@ -101,8 +101,8 @@ impl Online<'_> {
         let field = Some(FieldReader::new(&read));
         (self.advance)(Advance { gaussians, field, ..Advance::of(done, total) }).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
-            if self.keeper.kept() != Some(done) {
-                say_unless_kept(self.keep(done));
+            if self.checkpointer.kept() != Some(done) {
+                report_unless_kept(self.keep(done));
             }
         })
     }
@@ -111,14 +111,14 @@ impl Online<'_> {
     fn keep(&mut self, done: usize) -> Result<()> {
         let Some(path) = self.radio_file(done) else { return Ok(()) };
         self.radio.field.write(&path).context("while keeping a checkpoint")?;
-        self.keeper.keep(&mut self.light)?;
+        self.checkpointer.keep(&mut self.light)?;
         self.forget(Some(done));
         Ok(())
     }
 
     /// Radio's file of a checkpoint of so many keyframes, where checkpoints are kept.
     fn radio_file(&self, done: usize) -> Option<PathBuf> {
-        let path = self.keeper.path()?;
+        let path = self.checkpointer.path()?;
         Some(path.with_file_name(format!("{}-{done}", Self::stem(path)?)))
     }
 
@@ -128,7 +128,7 @@ impl Online<'_> {
 
     /// Removes radio's files of other checkpoints than one; what cannot be removed is no harm.
     fn forget(&self, but: Option<usize>) {
-        let Some((path, stem)) = self.keeper.path().and_then(|p| Some((p, Self::stem(p)?))) else { return };
+        let Some((path, stem)) = self.checkpointer.path().and_then(|p| Some((p, Self::stem(p)?))) else { return };
         let keep = but.and_then(|done| self.radio_file(done));
         for entry in path.parent().and_then(|p| p.read_dir().ok()).into_iter().flatten().flatten() {
             let ours = entry.file_name().to_str().and_then(|n| n.strip_prefix(&stem)?.strip_prefix('-')?.parse::<usize>().ok());

@@ -69,7 +69,7 @@ impl ArrayPredictor {
             .with_context(|| format!("{}: the configuration is not of this version", run.join("run.json").display()))?;
         let light = FieldPredictor::load(run, config.light.raster, dataset, backend)?;
         let radio = ArrayField::read(&run.join(FIELD))?;
-        ensure!(radio.camera == dataset.rf_camera(), "{}: the radio field's camera is not the data set's", run.display());
+        ensure!(radio.camera == dataset.radio_camera(), "{}: the radio field's camera is not the data set's", run.display());
         let range = dataset.db_range().with_context(|| format!("{}: the data set has no spectra", dataset.dir().display()))?;
         Ok(Self::new(light, radio, range, backend))
     }
@@ -89,8 +89,8 @@ impl Predictor for ArrayPredictor {
         Ok(Prediction { radio: Some(radio), ..light })
     }
 
-    fn set_optical_camera(&mut self, camera: Pinhole) -> Result<()> {
-        self.light.set_optical_camera(camera)
+    fn set_light_camera(&mut self, camera: Pinhole) -> Result<()> {
+        self.light.set_light_camera(camera)
     }
 
     fn gaussians(&self) -> Option<usize> {

@@ -52,8 +52,8 @@ impl CorfGs {
     /// # Errors
     /// Those of [`Reconstructor::check_cameras`].
     pub fn check_description(&self, description: &LiveDescription) -> Result<()> {
-        let LiveDescription { optical_camera, rf_camera, .. } = description;
-        Ok(Reconstructor::check_cameras(&self.config.reconstruction, optical_camera, rf_camera)?)
+        let LiveDescription { light_camera, radio_camera, .. } = description;
+        Ok(Reconstructor::check_cameras(&self.config.reconstruction, light_camera, radio_camera)?)
     }
 
     /// Number of first keyframes that are collected before any is expanded.
@@ -73,12 +73,12 @@ impl CorfGs {
     ) -> Result<Box<dyn Predictor>> {
         let device = self.config.device(&self.backend)?;
         let description = session.description();
-        let (optical, rf, range) = (description.optical_camera, description.rf_camera, description.db_range);
+        let (light, radio, range) = (description.light_camera, description.radio_camera, description.db_range);
         let mut live = Live {
-            reconstructor: Reconstructor::new(device, self.config.reconstruction.clone(), optical, rf, range, seed)?,
+            reconstructor: Reconstructor::new(device, self.config.reconstruction.clone(), light, radio, range, seed)?,
             prior: self.config.reconstruction.depth.prior,
             announced: description.keyframes.unwrap_or(0),
-            told: 0,
+            reported: 0,
             received: 0,
         };
         loop {
@@ -87,7 +87,7 @@ impl CorfGs {
                 session.begin();
             }
             if live.reconstructor.process()?.is_some() {
-                live.tell(session, advance)?;
+                live.report(session, advance)?;
             } else if session.is_over() {
                 break;
             } else {
@@ -101,14 +101,14 @@ impl CorfGs {
             ["no keyframe", "1 keyframe"][live.received]
         );
         // Fewer than are collected at the beginning wait until the end; the rest has ended.
-        if live.told < live.received {
+        if live.reported < live.received {
             let mut relay = Relay { advance, failure: None };
-            let ended = live.reconstructor.finish(&mut |done, of| relay.tell(done, of));
+            let ended = live.reconstructor.finish(&mut |done, of| relay.report(done, of));
             relay.settle(ended)?;
-            live.tell(session, advance)?;
+            live.report(session, advance)?;
         }
-        let Live { reconstructor, told, received, .. } = live;
-        self.conclude(reconstructor, received, told, &|error| error, advance)
+        let Live { reconstructor, reported, received, .. } = live;
+        self.conclude(reconstructor, received, reported, &|error| error, advance)
     }
 }
 
@@ -119,7 +119,7 @@ struct Live {
     /// Keyframes that were announced, 0 if nobody did.
     announced: usize,
     /// Keyframes of which session and harness have been told.
-    told: usize,
+    reported: usize,
     received: usize,
 }
 
@@ -152,16 +152,16 @@ impl Live {
     }
 
     /// Tells of all keyframes whose training has ended.
-    fn tell(&mut self, session: &mut Session, advance: &mut dyn FnMut(Advance<'_>) -> Result<()>) -> Result<()> {
+    fn report(&mut self, session: &mut Session, advance: &mut dyn FnMut(Advance<'_>) -> Result<()>) -> Result<()> {
         let gaussians = self.reconstructor.gaussian_count();
-        while let Some(timing) = self.reconstructor.timings().get(self.told).copied() {
-            self.told += 1;
+        while let Some(timing) = self.reconstructor.timings().get(self.reported).copied() {
+            self.reported += 1;
             session.trained(&timing, gaussians)?;
             let total = self.announced.max(self.received);
             let reconstructor = RefCell::new(&mut self.reconstructor);
             let read = || shown(reconstructor.borrow_mut().field());
             let field = Some(FieldReader::new(&read));
-            advance(Advance { gaussians: Some(gaussians), keyframe: Some(&timing), field, ..Advance::of(self.told, total) })?;
+            advance(Advance { gaussians: Some(gaussians), keyframe: Some(&timing), field, ..Advance::of(self.reported, total) })?;
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! Keyframe after keyframe through a reconstructor, with checkpoints on the way.
 
 use crate::methods::interface::{Advance, Checkpoints, FieldReader, TrainingSet, shown};
-use crate::methods::stepwise::say_unless_kept;
+use crate::methods::stepwise::report_unless_kept;
 use anyhow::{Context, Result};
 use corf::{Checkpoint, KeyframeTiming, Reconstructor};
 use std::cell::RefCell;
@@ -12,11 +12,11 @@ use std::time::Instant;
 pub(super) struct Online<'a> {
     pub reconstructor: Reconstructor,
     pub training: &'a TrainingSet<'a>,
-    pub keeper: Keeper,
+    pub checkpointer: Checkpointer,
     /// Units of the whole reconstruction.
     pub total: usize,
     /// Keyframes of which the harness has been told.
-    pub told: usize,
+    pub reported: usize,
 }
 
 impl Online<'_> {
@@ -40,30 +40,30 @@ impl Online<'_> {
 
     /// Timing of the next keyframe that the harness has not been told of, once its optimisation has ended.
     pub fn next_timing(&mut self) -> Option<KeyframeTiming> {
-        let timing = self.reconstructor.timings().get(self.told).copied();
-        self.told += usize::from(timing.is_some());
+        let timing = self.reconstructor.timings().get(self.reported).copied();
+        self.reported += usize::from(timing.is_some());
         timing
     }
 
     /// Restores the checkpoint, if there is one, and replays its keyframes; returns their number.
     fn resume(&mut self) -> Result<usize> {
-        let Some(checkpoint) = self.keeper.read()? else { return Ok(0) };
+        let Some(checkpoint) = self.checkpointer.read()? else { return Ok(0) };
         self.reconstructor.restore(&checkpoint)?;
         let count = checkpoint.keyframes().len();
         for k in 0..count {
             self.reconstructor.replay(self.training.keyframe(k)?)?;
         }
-        self.keeper.resumed(count);
+        self.checkpointer.resumed(count);
         Ok(count)
     }
 
     /// One keyframe, its checkpoint if it is due, and what the harness has to say.
     fn process(&mut self, advance: &mut dyn FnMut(Advance<'_>) -> Result<()>) -> Result<()> {
-        let report = self.reconstructor.process().map_err(|e| self.keeper.explain(e.into()))?;
+        let report = self.reconstructor.process().map_err(|e| self.checkpointer.explain(e.into()))?;
         let Some(report) = report else { return Ok(()) };
         let done = self.reconstructor.keyframes_expanded();
-        if self.keeper.is_due(done, done == self.training.len() && self.total > done) {
-            self.keeper.keep(&mut self.reconstructor)?;
+        if self.checkpointer.is_due(done, done == self.training.len() && self.total > done) {
+            self.checkpointer.keep(&mut self.reconstructor)?;
         }
         let keyframe = self.next_timing();
         let reconstructor = RefCell::new(&mut self.reconstructor);
@@ -72,15 +72,15 @@ impl Online<'_> {
         let gaussians = Some(report.gaussians);
         advance(Advance { gaussians, keyframe: keyframe.as_ref(), field, ..Advance::of(done, self.total) }).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
-            if self.keeper.kept != Some(done) {
-                say_unless_kept(self.keeper.keep(&mut self.reconstructor));
+            if self.checkpointer.kept != Some(done) {
+                report_unless_kept(self.checkpointer.keep(&mut self.reconstructor));
             }
         })
     }
 }
 
 /// Keeps checkpoints, if any are wanted.
-pub(in crate::methods) struct Keeper {
+pub(in crate::methods) struct Checkpointer {
     checkpoints: Option<Checkpoints>,
     /// Keyframes in the last one.
     kept: Option<usize>,
@@ -88,7 +88,7 @@ pub(in crate::methods) struct Keeper {
     at: Instant,
 }
 
-impl Keeper {
+impl Checkpointer {
     pub fn new(checkpoints: Option<Checkpoints>) -> Self {
         Self { checkpoints, kept: None, at: Instant::now() }
     }
@@ -155,16 +155,16 @@ mod tests {
         let device = "cpu (1 thread)".to_owned();
         let checkpoints = Checkpoints { path, every: Some(4), resume: false, tag: String::new(), device };
         let lost = || anyhow::Error::from(corf::Error::invalid("gpu, training", "the device was lost", "use another"));
-        let mut keeper = Keeper { checkpoints: Some(checkpoints), kept: None, at: Instant::now() };
-        assert!(keeper.is_due(8, false) && !keeper.is_due(9, false) && keeper.is_due(9, true));
-        assert!(!format!("{:#}", keeper.explain(lost())).contains("checkpoint"), "there is none yet");
-        keeper.kept = Some(8);
-        let text = format!("{:#}", keeper.explain(lost()));
+        let mut checkpointer = Checkpointer { checkpoints: Some(checkpoints), kept: None, at: Instant::now() };
+        assert!(checkpointer.is_due(8, false) && !checkpointer.is_due(9, false) && checkpointer.is_due(9, true));
+        assert!(!format!("{:#}", checkpointer.explain(lost())).contains("checkpoint"), "there is none yet");
+        checkpointer.kept = Some(8);
+        let text = format!("{:#}", checkpointer.explain(lost()));
         assert!(
             text.contains("run/checkpoint") && text.contains("8 keyframes") && text.contains("the device was lost"),
             "{text}"
         );
-        let interrupt = keeper.explain(crate::terminal::interrupt::Interrupted.into());
+        let interrupt = checkpointer.explain(crate::terminal::interrupt::Interrupted.into());
         assert!(!format!("{interrupt:#}").contains("run/checkpoint"), "an interrupt is no failure");
     }
 }

@@ -164,12 +164,12 @@ impl PredictionFolder {
     pub fn read(&self, index: usize, dataset: &Dataset, tally: &mut Tally) -> Result<Predicted> {
         let image = match &self.images {
             None => None,
-            Some(files) => Some(read_colours(files.path(index)?, &dataset.optical_camera())?),
+            Some(files) => Some(read_colours(files.path(index)?, &dataset.light_camera())?),
         };
         let spectrum = match (&self.spectra, dataset.db_range()) {
             (None, _) | (_, None) => None,
             (Some((kind, files)), Some(range)) => {
-                let camera = dataset.rf_camera();
+                let camera = dataset.radio_camera();
                 let jet = self.jet.as_ref().map(|files| read_jet(files.path(index)?, &camera)).transpose()?;
                 let path = files.path(index)?;
                 let scalar = match (kind, &jet) {

@@ -121,7 +121,7 @@ impl Points<'_> {
                 counts.iter().try_for_each(|&n| self.step(Axis::Gaussians, n, settings.beside(Axis::Gaussians), one(n)))
             }
             Work::Pixels(sizes, settings) => sizes.iter().try_for_each(|&size| {
-                let one = StepSettings { optical: size, ..*settings };
+                let one = StepSettings { light: size, ..*settings };
                 self.step(Axis::Pixels, size[0] * size[1], settings.beside(Axis::Pixels), one)
             }),
             Work::Triangles(times, tracing) => times.iter().try_for_each(|&times| {

@@ -19,9 +19,11 @@ const DRAWN_AT_ONCE: usize = 32;
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct SequenceSettings {
     /// Optical image, pixels.
-    pub optical: [usize; 2],
+    #[serde(rename = "optical")]
+    pub light: [usize; 2],
     /// RF image, pixels.
-    pub rf: [usize; 2],
+    #[serde(rename = "rf")]
+    pub radio: [usize; 2],
     /// Training steps for each keyframe.
     pub iterations_per_keyframe: usize,
     /// Device memory for keyframes, MB.
@@ -38,7 +40,7 @@ impl SequenceSettings {
         &self,
         backend: &Backend,
         counts: &[usize],
-        tell: &mut dyn FnMut(usize, Measured) -> Result<()>,
+        report: &mut dyn FnMut(usize, Measured) -> Result<()>,
     ) -> Result<()> {
         let Some(&last) = counts.last() else { return Ok(()) };
         reset_peak_memory();
@@ -46,10 +48,10 @@ impl SequenceSettings {
             ReconstructionConfig { iterations_per_keyframe: self.iterations_per_keyframe, ..ReconstructionConfig::default() };
         let raster = RasterConfig { keyframe_memory_mb: self.keyframe_memory_mb, ..RasterConfig::default() };
         let camera = |[width, height]: [usize; 2]| Pinhole::from_horizontal_fov(width, height, walk::FIELD_OF_VIEW_DEG);
-        let (optical, rf) = (camera(self.optical), camera(self.rf));
+        let (light, radio) = (camera(self.light), camera(self.radio));
         let device = backend.make(OptimizerConfig::default(), raster, &config.empty_field())?;
         let mut run = Run {
-            reconstructor: Reconstructor::new(device, config, optical, rf, walk::DB_RANGE, 1)?,
+            reconstructor: Reconstructor::new(device, config, light, radio, walk::DB_RANGE, 1)?,
             seconds: 0.0,
             device_bytes: None,
         };
@@ -61,7 +63,7 @@ impl SequenceSettings {
                 .into_par_iter()
                 .map(|i| {
                     interrupt::check()?;
-                    Ok(walk::keyframe(i, &optical, &rf))
+                    Ok(walk::keyframe(i, &light, &radio))
                 })
                 .collect::<Result<_>>()?;
             taken += drawn.len();
@@ -76,7 +78,7 @@ impl SequenceSettings {
                     ("recent_keyframe_ms", 1e3 * recent_s),
                     ("gaussians", run.reconstructor.gaussian_count() as f64),
                 ];
-                tell(taken, found.map(|(key, v)| (key.to_owned(), v)).into_iter().chain(memory(run.device_bytes)).collect())?;
+                report(taken, found.map(|(key, v)| (key.to_owned(), v)).into_iter().chain(memory(run.device_bytes)).collect())?;
             }
         }
         progress.finish();

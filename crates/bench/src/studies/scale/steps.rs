@@ -15,9 +15,11 @@ pub struct StepSettings {
     /// Gaussians in the room.
     pub gaussians: usize,
     /// Optical image, pixels.
-    pub optical: [usize; 2],
+    #[serde(rename = "optical")]
+    pub light: [usize; 2],
     /// RF image, pixels.
-    pub rf: [usize; 2],
+    #[serde(rename = "rf")]
+    pub radio: [usize; 2],
     /// Steps of a run.
     pub steps: usize,
     /// Runs, of which the median counts.
@@ -40,7 +42,7 @@ impl StepSettings {
     /// The device's; an interrupt.
     pub fn measure(&self, backend: &Backend) -> Result<Measured> {
         reset_peak_memory();
-        let rig = workload::rig(self.optical, self.rf);
+        let rig = workload::rig(self.light, self.radio);
         let gaussians = workload::room(self.gaussians, 1);
         let mut device = backend.make(workload::optimizer(), RasterConfig::default(), &gaussians)?;
         drop(gaussians);

@@ -64,7 +64,7 @@ fn points_that_are_there_are_not_measured_again_and_others_are_refused() {
     std::fs::create_dir(dir.path().join("points")).unwrap();
     let backend = Backend::Cpu;
     let points = Points { out: dir.path(), backend: &backend };
-    let settings = StepSettings { gaussians: 0, optical: [24, 16], rf: [16, 16], steps: 2, repeats: 1 };
+    let settings = StepSettings { gaussians: 0, light: [24, 16], radio: [16, 16], steps: 2, repeats: 1 };
     points.measure(&Work::Gaussians(vec![40, 160], settings)).unwrap();
     let before = read(dir.path()).unwrap();
     assert_eq!(before.iter().map(|p| p.value).collect::<Vec<_>>(), [40, 160]);
@@ -78,29 +78,29 @@ fn points_that_are_there_are_not_measured_again_and_others_are_refused() {
     assert_eq!(after.iter().map(|p| p.value).collect::<Vec<_>>(), [40, 80, 160]);
     assert_eq!(after[0].measured["step_ms"], 12345.0);
     // The image is what varies along the pixels, and fixed along the Gaussians.
-    let other = StepSettings { optical: [32, 16], ..settings };
+    let other = StepSettings { light: [32, 16], ..settings };
     let error = points.measure(&Work::Gaussians(vec![40], other)).unwrap_err().to_string();
     assert!(error.contains("gaussians-40.json was measured with") && error.contains("choose another --out"), "{error}");
     let few = StepSettings { gaussians: 40, ..settings };
     points.measure(&Work::Pixels(vec![[24, 16]], few)).unwrap();
-    points.measure(&Work::Pixels(vec![[24, 16], [48, 32]], StepSettings { optical: [99, 99], ..few })).unwrap();
+    points.measure(&Work::Pixels(vec![[24, 16], [48, 32]], StepSettings { light: [99, 99], ..few })).unwrap();
     assert_eq!(read(dir.path()).unwrap().len(), 5);
 }
 
 #[test]
 fn a_sequence_is_measured_on_its_way() {
-    let settings = SequenceSettings { optical: [96, 54], rf: [48, 32], iterations_per_keyframe: 4, keyframe_memory_mb: 4000 };
-    let mut told: Vec<(usize, Measured)> = vec![];
+    let settings = SequenceSettings { light: [96, 54], radio: [48, 32], iterations_per_keyframe: 4, keyframe_memory_mb: 4000 };
+    let mut reported: Vec<(usize, Measured)> = vec![];
     settings
         .measure(&Backend::Cpu, &[10, 14], &mut |n, measured| {
-            told.push((n, measured));
+            reported.push((n, measured));
             Ok(())
         })
         .unwrap();
-    let of = |k: usize, key: &str| told[k].1[key];
-    assert_eq!(told.iter().map(|t| t.0).collect::<Vec<_>>(), [10, 14]);
+    let of = |k: usize, key: &str| reported[k].1[key];
+    assert_eq!(reported.iter().map(|t| t.0).collect::<Vec<_>>(), [10, 14]);
     assert!(of(0, "total_s") > 0.0 && of(1, "total_s") > of(0, "total_s"));
-    assert!(of(0, "gaussians") > 100.0, "the drawn room is not reconstructed: {told:?}");
+    assert!(of(0, "gaussians") > 100.0, "the drawn room is not reconstructed: {reported:?}");
     assert!((of(1, "per_keyframe_ms") - 1e3 * of(1, "total_s") / 14.0).abs() < 1e-9);
     let recent = 1e3 * (of(1, "total_s") - of(0, "total_s")) / 4.0;
     assert!((of(1, "recent_keyframe_ms") - recent).abs() < 1e-6);

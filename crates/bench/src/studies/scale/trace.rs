@@ -50,11 +50,13 @@ pub struct Tracing {
 #[derive(Serialize)]
 struct Fixed<'a> {
     data_set: &'a str,
-    optical: [usize; 2],
+    #[serde(rename = "optical")]
+    light: [usize; 2],
     #[serde(rename = "light")]
     method: LightMethod,
     samples_per_pixel: u32,
-    rf: [usize; 2],
+    #[serde(rename = "rf")]
+    radio: [usize; 2],
     depth: usize,
     directions: usize,
     photons: usize,
@@ -115,14 +117,14 @@ impl Tracing {
         let path = settings.config.clone().map_or_else(|| own(unpacked.path()), Ok)?;
         let mut config = DatasetConfig::load(path)?;
         if settings.quick {
-            (config.optical.width, config.optical.height) = (96, 54);
-            (config.optical.method, config.optical.samples_per_pixel) = (LightMethod::Path, Some(2));
-            (config.rf.width, config.rf.height) = (48, 32);
+            (config.light.width, config.light.height) = (96, 54);
+            (config.light.method, config.light.samples_per_pixel) = (LightMethod::Path, Some(2));
+            (config.radio.width, config.radio.height) = (48, 32);
             // As few directions as lobes of a degree allow, beyond which no diffuse power is gathered around the frame.
-            (config.rf.max_interactions, config.rf.directions, config.rf.photons) = (1, 100_000, 10_000);
-            (config.rf.patch_size_m, config.rf.lobe_width_deg) = (0.5, 1.0);
+            (config.radio.max_interactions, config.radio.directions, config.radio.photons) = (1, 100_000, 10_000);
+            (config.radio.patch_size_m, config.radio.lobe_width_deg) = (0.5, 1.0);
         }
-        config.rf.sphere = None;
+        config.radio.sphere = None;
         config.validate()?;
         let scene_config = config.load_scene_config()?;
         ensure!(
@@ -143,17 +145,17 @@ impl Tracing {
 
     /// The fixed settings, for records.
     pub fn settings(&self) -> Value {
-        let (optical, rf) = (&self.config.optical, &self.config.rf);
+        let (light, radio) = (&self.config.light, &self.config.radio);
         serde_json::json!(Fixed {
             data_set: &self.config.name,
-            optical: [optical.width, optical.height],
-            method: optical.method,
-            samples_per_pixel: optical.samples(),
-            rf: [rf.width, rf.height],
-            depth: rf.max_interactions,
-            directions: if rf.diffuse { rf.directions } else { 0 },
-            photons: if rf.diffuse { rf.photons } else { 0 },
-            patch_size_m: rf.patch_size_m,
+            light: [light.width, light.height],
+            method: light.method,
+            samples_per_pixel: light.samples(),
+            radio: [radio.width, radio.height],
+            depth: radio.max_interactions,
+            directions: if radio.diffuse { radio.directions } else { 0 },
+            photons: if radio.diffuse { radio.photons } else { 0 },
+            patch_size_m: radio.patch_size_m,
             poses: self.poses,
             threads: rayon::current_num_threads(),
         })
@@ -166,8 +168,8 @@ impl Tracing {
 
     fn outputs(&self, plan: &SensorPlan) -> Outputs {
         Outputs {
-            extent: Extent::of_keyframe(&self.config.rf, &plan.receiver),
-            camera: self.config.rf_camera(),
+            extent: Extent::of_keyframe(&self.config.radio, &plan.receiver),
+            camera: self.config.radio_camera(),
             sphere: None,
             paths: false,
         }
@@ -217,7 +219,7 @@ impl Tracing {
     ///
     /// # Errors
     /// A scene that cannot be traced; an interrupt; an error of `tell`.
-    pub fn measure_receivers(&self, counts: &[usize], tell: &mut dyn FnMut(usize, Measured) -> Result<()>) -> Result<()> {
+    pub fn measure_receivers(&self, counts: &[usize], report: &mut dyn FnMut(usize, Measured) -> Result<()>) -> Result<()> {
         let Some(&last) = counts.last() else { return Ok(()) };
         reset_peak_memory();
         let poses = self.positions(last)?;
@@ -240,7 +242,7 @@ impl Tracing {
                     ("total_s", once_s + receivers_s),
                     ("per_receiver_ms", 1e3 * (once_s + receivers_s) / n as f64),
                 ];
-                tell(n, found.map(|(key, v)| (key.to_owned(), v)).into_iter().chain(memory(None)).collect())?;
+                report(n, found.map(|(key, v)| (key.to_owned(), v)).into_iter().chain(memory(None)).collect())?;
             }
         }
         progress.finish();

@@ -119,15 +119,15 @@ fn power(eye: Vec3, direction: Vec3) -> f32 {
 }
 
 /// Keyframe `i` of the walk.
-pub fn keyframe(i: usize, optical: &Pinhole, rf: &Pinhole) -> Keyframe {
+pub fn keyframe(i: usize, light: &Pinhole, radio: &Pinhole) -> Keyframe {
     let world_from_camera = pose(i);
     let eye = world_from_camera.translation.as_vec3();
     let rays = |c: &Pinhole| {
         let c = *c;
         move |x: usize, y: usize| world_from_camera.transform_vector(c.unproject(x as f64 + 0.5, y as f64 + 0.5)).as_vec3()
     };
-    let ray = rays(optical);
-    let (width, height) = (optical.width, optical.height);
+    let ray = rays(light);
+    let (width, height) = (light.width, light.height);
     let ends: Vec<([u8; 3], f32, u32)> = (0..width * height)
         .into_par_iter()
         .with_min_len(width)
@@ -137,7 +137,7 @@ pub fn keyframe(i: usize, optical: &Pinhole, rf: &Pinhole) -> Keyframe {
             (colour(&end), end.t, end.surface)
         })
         .collect();
-    let ray = rays(rf);
+    let ray = rays(radio);
     Keyframe {
         index: i,
         time_s: i as f64 * 0.1,
@@ -148,7 +148,7 @@ pub fn keyframe(i: usize, optical: &Pinhole, rf: &Pinhole) -> Keyframe {
             surface: Some(Raster::from_vec(width, height, ends.iter().map(|e| e.2).collect())),
             mask: None,
         }),
-        radio: Some(Radio { spectrum: Raster::from_fn(rf.width, rf.height, |x, y| power(eye, ray(x, y))) }),
+        radio: Some(Radio { spectrum: Raster::from_fn(radio.width, radio.height, |x, y| power(eye, ray(x, y))) }),
     }
 }
 
@@ -178,17 +178,17 @@ mod tests {
 
     #[test]
     fn keyframes_are_of_one_room() {
-        let (optical, rf) =
+        let (light, radio) =
             (Pinhole::from_horizontal_fov(64, 36, FIELD_OF_VIEW_DEG), Pinhole::from_horizontal_fov(24, 16, FIELD_OF_VIEW_DEG));
-        let (a, b) = (keyframe(40, &optical, &rf), keyframe(41, &optical, &rf));
+        let (a, b) = (keyframe(40, &light, &radio), keyframe(41, &light, &radio));
         let depth = |k: &Keyframe, x: usize, y: usize| f64::from(light_of(k).depth_m.as_ref().unwrap()[(x, y)]);
         // What the first sees, the second sees at its place: the surface and, within the texture of a pixel, the colour.
         let (mut met, mut alike) = (0, 0);
         for y in 4..32 {
             for x in 4..60 {
-                let seen = optical.unproject(x as f64 + 0.5, y as f64 + 0.5) * depth(&a, x, y);
+                let seen = light.unproject(x as f64 + 0.5, y as f64 + 0.5) * depth(&a, x, y);
                 let there = b.world_from_camera.inverse().transform_point(a.world_from_camera.transform_point(seen));
-                let [u, v] = [optical.fx * there.x / there.z + optical.cx, optical.fy * there.y / there.z + optical.cy];
+                let [u, v] = [light.fx * there.x / there.z + light.cx, light.fy * there.y / there.z + light.cy];
                 if there.z < 0.1 || u < 0.0 || v < 0.0 || u >= 64.0 || v >= 36.0 {
                     continue;
                 }

@@ -12,14 +12,14 @@ const SERIES: [(&[Family], &str, Colour); 5] = [
     (&[Family::WrfGsPlus], "WRF-GS+", [43, 138, 62]),
     (&[Family::Rf3dgs], "RF-3DGS", [232, 89, 12]),
     (&[Family::CorfGs], "CORF-GS", [10, 90, 208]),
-    (&[Family::Uniform, Family::Frozen, Family::RfTuned], "ablations of CORF-GS", [90, 100, 115]),
+    (&[Family::Uniform, Family::Frozen, Family::RadioTuned], "ablations of CORF-GS", [90, 100, 115]),
 ];
 
 /// A point: seconds, PSNR in dB, half width of its interval.
 type Point = (f64, f64, Option<f64>);
 
 fn ours(line: &Line<'_, '_>) -> Option<Point> {
-    match (line.cell(Figure::Time), line.cell(Figure::PsnrRf)) {
+    match (line.cell(Figure::Time), line.cell(Figure::PsnrRadio)) {
         (Ours::Value(seconds), Ours::Value(psnr)) if seconds.mean > 0.0 => Some((seconds.mean, psnr.mean, psnr.half_width_95)),
         _ => None,
     }
@@ -27,7 +27,7 @@ fn ours(line: &Line<'_, '_>) -> Option<Point> {
 
 fn papers(line: &Line<'_, '_>, figures: &[Figure]) -> Option<Point> {
     let value = |figure: Figure| Some(line.paper.values[figures.iter().position(|f| *f == figure)?]);
-    Some((value(Figure::Time)?, value(Figure::PsnrRf)?, None))
+    Some((value(Figure::Time)?, value(Figure::PsnrRadio)?, None))
 }
 
 /// The points of a series over all tables, each once: ours and the paper's.

@@ -16,7 +16,7 @@ use crate::record::Record;
 use crate::table::{self, Row};
 use anyhow::Result;
 use corf_scene::io::write_atomic;
-use published::{USUAL, USUAL_PSNR_RF};
+use published::{USUAL, USUAL_PSNR_RADIO};
 use rows::{Matched, cell, find, find_shorter};
 use std::path::{Path, PathBuf};
 
@@ -50,9 +50,9 @@ impl Line<'_, '_> {
 
     /// The paper's PSNR rf minus that of its CORF-GS with 75 iterations; `None` for that row itself.
     pub fn paper_difference(&self, table: &PaperTable) -> Option<f64> {
-        let at = table.figures.iter().position(|f| *f == Figure::PsnrRf)?;
+        let at = table.figures.iter().position(|f| *f == Figure::PsnrRadio)?;
         let usual = (self.paper.family, self.paper.budget) == USUAL;
-        (!usual).then(|| self.paper.values[at] - USUAL_PSNR_RF)
+        (!usual).then(|| self.paper.values[at] - USUAL_PSNR_RADIO)
     }
 }
 

@@ -1,6 +1,6 @@
 //! The figures that the paper prints: CORF-GS, Tables I–IV. Rows and columns stand as they do there; times are in seconds.
 
-use Figure::{LpipsOpt, LpipsRf, PsnrOpt, PsnrRf, SsimOpt, SsimRf, Time};
+use Figure::{LpipsOpt, LpipsRadio, PsnrOpt, PsnrRadio, SsimOpt, SsimRadio, Time};
 
 /// A column of the paper's tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,11 +12,11 @@ pub enum Figure {
     /// LPIPS of the image.
     LpipsOpt,
     /// PSNR of the Jet spectrum, dB.
-    PsnrRf,
+    PsnrRadio,
     /// SSIM of the Jet spectrum.
-    SsimRf,
+    SsimRadio,
     /// LPIPS of the Jet spectrum.
-    LpipsRf,
+    LpipsRadio,
     /// Reconstruction time, seconds.
     Time,
 }
@@ -29,9 +29,9 @@ impl Figure {
             PsnrOpt => &["psnr_opt"],
             SsimOpt => &["ssim_opt"],
             LpipsOpt => &["lpips_vgg_01_opt", "lpips_vgg_opt"],
-            PsnrRf => &["psnr_rf_jet"],
-            SsimRf => &["ssim_rf_jet"],
-            LpipsRf => &["lpips_vgg_01_rf_jet", "lpips_vgg_rf_jet"],
+            PsnrRadio => &["psnr_rf_jet"],
+            SsimRadio => &["ssim_rf_jet"],
+            LpipsRadio => &["lpips_vgg_01_rf_jet", "lpips_vgg_rf_jet"],
             Time => &[],
         }
     }
@@ -42,9 +42,9 @@ impl Figure {
             PsnrOpt => "PSNR opt ↑",
             SsimOpt => "SSIM opt ↑",
             LpipsOpt => "LPIPS opt ↓",
-            PsnrRf => "PSNR rf ↑",
-            SsimRf => "SSIM rf ↑",
-            LpipsRf => "LPIPS rf ↓",
+            PsnrRadio => "PSNR rf ↑",
+            SsimRadio => "SSIM rf ↑",
+            LpipsRadio => "LPIPS rf ↓",
             Time => "time, s ↓",
         }
     }
@@ -55,9 +55,9 @@ impl Figure {
             PsnrOpt => r"PSNR$_\mathrm{opt}^\uparrow$",
             SsimOpt => r"SSIM$_\mathrm{opt}^\uparrow$",
             LpipsOpt => r"LPIPS$_\mathrm{opt}^\downarrow$",
-            PsnrRf => r"PSNR$_\mathrm{rf}^\uparrow$",
-            SsimRf => r"SSIM$_\mathrm{rf}^\uparrow$",
-            LpipsRf => r"LPIPS$_\mathrm{rf}^\downarrow$",
+            PsnrRadio => r"PSNR$_\mathrm{radio}^\uparrow$",
+            SsimRadio => r"SSIM$_\mathrm{radio}^\uparrow$",
+            LpipsRadio => r"LPIPS$_\mathrm{radio}^\downarrow$",
             Time => r"Time$^\downarrow$ (s)",
         }
     }
@@ -68,9 +68,9 @@ impl Figure {
             PsnrOpt => "psnr_opt",
             SsimOpt => "ssim_opt",
             LpipsOpt => "lpips_opt",
-            PsnrRf => "psnr_rf",
-            SsimRf => "ssim_rf",
-            LpipsRf => "lpips_rf",
+            PsnrRadio => "psnr_rf",
+            SsimRadio => "ssim_rf",
+            LpipsRadio => "lpips_rf",
             Time => "seconds",
         }
     }
@@ -78,8 +78,8 @@ impl Figure {
     /// Digits after the point.
     pub fn digits(self) -> usize {
         match self {
-            PsnrOpt | PsnrRf => 2,
-            SsimOpt | SsimRf | LpipsOpt | LpipsRf => 3,
+            PsnrOpt | PsnrRadio => 2,
+            SsimOpt | SsimRadio | LpipsOpt | LpipsRadio => 3,
             Time => 1,
         }
     }
@@ -101,7 +101,7 @@ pub enum Family {
     /// Ablation: two stages, frozen geometry.
     Frozen,
     /// Ablation: two stages, geometry refined by RF in the second.
-    RfTuned,
+    RadioTuned,
 }
 
 /// Other method of this program that stands for the same row with another implementation: its id, and how it differs.
@@ -117,7 +117,7 @@ impl Family {
             Self::CorfGs => ("corf-gs", Some(("corf-gs-paper", "the paper's constants"))),
             Self::Uniform => ("corf-gs-uniform", None),
             Self::Frozen => ("corf-gs-frozen", None),
-            Self::RfTuned => ("corf-gs-rf-tuned", None),
+            Self::RadioTuned => ("corf-gs-rf-tuned", None),
         }
     }
 
@@ -126,7 +126,7 @@ impl Family {
         match self {
             Self::Nerf2 | Self::WrfGsPlus => &[&["/iterations", "/steps"]],
             Self::Rf3dgs => &[&["/optical_steps"], &["/rf_steps"]],
-            Self::CorfGs | Self::Uniform | Self::Frozen | Self::RfTuned => {
+            Self::CorfGs | Self::Uniform | Self::Frozen | Self::RadioTuned => {
                 &[&["/reconstruction/iterations_per_keyframe"], &["/fine_tune_epochs"]]
             }
         }
@@ -170,7 +170,7 @@ const fn row(name: &'static str, family: Family, budget: &'static [u64], values:
 /// CORF-GS as the paper runs it: 75 iterations a keyframe, no fine-tuning.
 pub const USUAL: (Family, &[u64]) = (Family::CorfGs, &[75, 0]);
 /// Its PSNR rf (Table I, row "Ours").
-pub const USUAL_PSNR_RF: f64 = 18.52;
+pub const USUAL_PSNR_RADIO: f64 = 18.52;
 
 /// Tables I–IV, as printed.
 pub const TABLES: &[PaperTable] = &[
@@ -181,7 +181,7 @@ pub const TABLES: &[PaperTable] = &[
         label: "tab:baseline-results-metric",
         title: "methods",
         compares_methods: true,
-        figures: &[PsnrRf, SsimRf, LpipsRf, Time],
+        figures: &[PsnrRadio, SsimRadio, LpipsRadio, Time],
         rows: &[
             row("NeRF²", Family::Nerf2, &[30_000], &[12.17, 0.594, 0.527, 14_941.0]),
             row("WRF-GS+", Family::WrfGsPlus, &[10_000], &[17.44, 0.839, 0.252, 2_540.0]),
@@ -195,7 +195,7 @@ pub const TABLES: &[PaperTable] = &[
         label: "tab:baseline-iter",
         title: "budgets",
         compares_methods: false,
-        figures: &[PsnrRf, SsimRf, LpipsRf],
+        figures: &[PsnrRadio, SsimRadio, LpipsRadio],
         rows: &[
             row("WRF-GS+, 5 000", Family::WrfGsPlus, &[5_000], &[16.75, 0.826, 0.271]),
             row("WRF-GS+, 10 000", Family::WrfGsPlus, &[10_000], &[17.44, 0.839, 0.252]),
@@ -218,7 +218,7 @@ pub const TABLES: &[PaperTable] = &[
         label: "tab:finetune",
         title: "offline fine-tuning",
         compares_methods: false,
-        figures: &[PsnrOpt, SsimOpt, LpipsOpt, PsnrRf, SsimRf, LpipsRf, Time],
+        figures: &[PsnrOpt, SsimOpt, LpipsOpt, PsnrRadio, SsimRadio, LpipsRadio, Time],
         rows: &[
             row("CORF-GS, fine-tuned 25", Family::CorfGs, &[75, 25], &[38.13, 0.980, 0.069, 18.85, 0.862, 0.229, 191.69]),
             row("CORF-GS, fine-tuned 50", Family::CorfGs, &[75, 50], &[38.30, 0.980, 0.066, 18.96, 0.865, 0.226, 243.29]),
@@ -233,11 +233,16 @@ pub const TABLES: &[PaperTable] = &[
         label: "tab:ablation",
         title: "ablations",
         compares_methods: false,
-        figures: &[PsnrOpt, SsimOpt, LpipsOpt, PsnrRf, SsimRf, LpipsRf, Time],
+        figures: &[PsnrOpt, SsimOpt, LpipsOpt, PsnrRadio, SsimRadio, LpipsRadio, Time],
         rows: &[
             row("w/o optical-guided expansion", Family::Uniform, &[75, 0], &[31.89, 0.966, 0.112, 15.69, 0.780, 0.317, 435.0]),
             row("w/o joint (frozen geometry)", Family::Frozen, &[75, 0], &[37.23, 0.979, 0.076, 17.11, 0.798, 0.297, 133.0]),
-            row("w/o joint (RF-tuned geometry)", Family::RfTuned, &[75, 0], &[36.72, 0.977, 0.080, 18.44, 0.836, 0.240, 151.0]),
+            row(
+                "w/o joint (RF-tuned geometry)",
+                Family::RadioTuned,
+                &[75, 0],
+                &[36.72, 0.977, 0.080, 18.44, 0.836, 0.240, 151.0],
+            ),
             row("CORF-GS (full)", Family::CorfGs, &[75, 0], &[37.14, 0.978, 0.077, 18.52, 0.852, 0.239, 138.0]),
         ],
     },

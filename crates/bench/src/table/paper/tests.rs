@@ -39,7 +39,8 @@ fn record_of(row: &str, method: &str, config: serde_json::Value, seed: u64, psnr
 }
 
 fn records() -> Vec<Record> {
-    let steps = |optical: u64, rf: u64| serde_json::json!({ "optical_steps": optical, "rf_steps": rf, "rates": { "sh_dc": 1 } });
+    let steps =
+        |light: u64, radio: u64| serde_json::json!({ "optical_steps": light, "rf_steps": radio, "rates": { "sh_dc": 1 } });
     let mut records = vec![
         record("λ = 0.3", "corf-gs", "rf_weight = 0.3", 1, 20.0),
         record("scalar", "corf-gs", "rf_target = \"db\"", 1, 29.0),
@@ -84,9 +85,9 @@ fn rows_are_found_by_method_and_budget_and_the_methods_own_settings_come_first()
     assert_eq!(of(1, "RF-3DGS, 15 000 + 10 000").label(), Some("two stages, short"));
     assert_eq!(of(1, "CORF-GS, 100 a keyframe").label(), Some("longer"));
     assert_eq!(of(2, "CORF-GS, fine-tuned 75").label(), Some("fine"));
-    assert_eq!(of(3, "w/o optical-guided expansion").cell(Figure::PsnrRf), Ours::Failed);
-    assert_eq!(of(3, "w/o joint (RF-tuned geometry)").cell(Figure::PsnrRf), Ours::NotRun);
-    assert_eq!(of(0, "CORF-GS").cell(Figure::LpipsRf), Ours::NotComputed);
+    assert_eq!(of(3, "w/o optical-guided expansion").cell(Figure::PsnrRadio), Ours::Failed);
+    assert_eq!(of(3, "w/o joint (RF-tuned geometry)").cell(Figure::PsnrRadio), Ours::NotRun);
+    assert_eq!(of(0, "CORF-GS").cell(Figure::LpipsRadio), Ours::NotComputed);
     // Paired by seed: −1.5, −1.3, −1.4.
     let difference = of(3, "w/o joint (frozen geometry)").difference.unwrap();
     assert!((difference.mean + 1.4).abs() < 1e-9 && difference.half_width_95.unwrap() < 0.26, "{difference:?}");
@@ -179,5 +180,5 @@ fn the_papers_figures_agree_with_each_other() {
             }
         }
     }
-    assert!(seen.contains(&(USUAL.0, USUAL.1, Figure::PsnrRf, USUAL_PSNR_RF)));
+    assert!(seen.contains(&(USUAL.0, USUAL.1, Figure::PsnrRadio, USUAL_PSNR_RADIO)));
 }

@@ -3,7 +3,7 @@
 pub use super::store::{CORE, Core};
 use super::{
     CpuDevice,
-    store::{LOG_SCALE, OPTICAL_OPACITY, POSITION, RF_OPACITY, ROTATION},
+    store::{LIGHT_OPACITY, LOG_SCALE, POSITION, RADIO_OPACITY, ROTATION},
     update::{Mode, adam},
 };
 use crate::simd::{Kernel, Lanes};
@@ -19,7 +19,7 @@ pub struct Rows {
     /// Position (3), quaternion (4), ln scale (3), opacity logits (light, 60 GHz).
     pub core: Vec<Core>,
     /// `[gaussian][channel][coefficient]`.
-    pub rf: Vec<f32>,
+    pub radio: Vec<f32>,
 }
 
 /// Numbers that a thread steps at once, at least.
@@ -28,16 +28,16 @@ const RUN: usize = 1 << 14;
 impl CpuDevice {
     /// The Gaussians held.
     pub fn rows(&self) -> Rows {
-        Rows { core: self.store.value.clone(), rf: self.store.harmonics[1].value.clone() }
+        Rows { core: self.store.value.clone(), radio: self.store.harmonics[1].value.clone() }
     }
 
     /// Has `rows` stand in the place of the Gaussians held, while `work` is done with them; what it leaves of them is returned.
     fn with<T>(&mut self, mut rows: Rows, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<(T, Rows)> {
         assert_eq!(rows.core.len(), self.store.len(), "one for each Gaussian");
-        assert_eq!(rows.rf.len(), self.store.harmonics[1].value.len(), "RF harmonics of each Gaussian");
+        assert_eq!(rows.radio.len(), self.store.harmonics[1].value.len(), "RF harmonics of each Gaussian");
         let mut swap = |device: &mut Self| {
             std::mem::swap(&mut device.store.value, &mut rows.core);
-            std::mem::swap(&mut device.store.harmonics[1].value, &mut rows.rf);
+            std::mem::swap(&mut device.store.harmonics[1].value, &mut rows.radio);
         };
         swap(self);
         let done = work(self);
@@ -77,15 +77,15 @@ impl CpuDevice {
         let mut rates = [0.0; CORE];
         rates[POSITION..ROTATION].fill(config.position_rate_m);
         rates[ROTATION..LOG_SCALE].fill(config.rotation_rate);
-        rates[LOG_SCALE..OPTICAL_OPACITY].fill(config.log_scale_rate);
-        rates[RF_OPACITY] = config.rf.opacity;
+        rates[LOG_SCALE..LIGHT_OPACITY].fill(config.log_scale_rate);
+        rates[RADIO_OPACITY] = config.radio.opacity;
         let (isa, store) = (self.isa, &mut self.store);
         let core = [&mut store.value, &mut store.moment1, &mut store.moment2].map(|a| a.as_flattened_mut());
         let h = &mut store.harmonics[1];
-        let harmonic_rates = vec![config.rf.sh_dc; h.stride()];
+        let harmonic_rates = vec![config.radio.sh_dc; h.stride()];
         let harmonics = [&mut h.value[..], &mut h.moment1, &mut h.moment2];
         for (rates, gradient, [value, m, v]) in
-            [(&rates[..], gradient.core.as_flattened(), core), (&harmonic_rates, &gradient.rf, harmonics)]
+            [(&rates[..], gradient.core.as_flattened(), core), (&harmonic_rates, &gradient.radio, harmonics)]
         {
             let run = (RUN / rates.len()).max(1) * rates.len();
             let parts = value.par_chunks_mut(run).zip(m.par_chunks_mut(run)).zip(v.par_chunks_mut(run));

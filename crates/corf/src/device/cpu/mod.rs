@@ -119,8 +119,8 @@ impl Device for CpuDevice {
         Ok(())
     }
 
-    fn reset_rf(&mut self, rf: &Appearance) -> Result<()> {
-        self.store.reset_rf(rf)
+    fn reset_radio(&mut self, radio: &Appearance) -> Result<()> {
+        self.store.reset_radio(radio)
     }
 
     fn set_position_rate_m(&mut self, rate_m: f32) {
@@ -214,7 +214,7 @@ mod tests {
             g.position.push([(rng.uniform() - 0.5) * 6.0, (rng.uniform() - 0.5) * 4.0, 2.0 + rng.uniform()]);
             g.rotation.push([0; 4].map(|_| rng.normal() as f32));
             g.log_scale.push([0; 3].map(|_| -3.0 + rng.uniform()));
-            for a in [&mut g.optical, &mut g.rf] {
+            for a in [&mut g.light, &mut g.radio] {
                 a.opacity_logit.push(logit(0.4));
                 a.sh.extend((0..a.stride()).map(|_| (rng.uniform() - 0.5) * 0.2));
             }
@@ -225,26 +225,26 @@ mod tests {
             channels,
             pixels: (0..camera.width * camera.height * channels).map(|_| rng.uniform()).collect(),
         };
-        let (optical_camera, rf_camera) =
+        let (light_camera, radio_camera) =
             (Pinhole::from_horizontal_fov(50, 37, 90.0), Pinhole::from_horizontal_fov(23, 19, 90.0));
         let view = TrainingView {
             world_from_camera: Rigid3::IDENTITY,
-            optical: image(&optical_camera, 3),
-            optical_camera,
-            rf: image(&rf_camera, 1),
-            rf_camera,
+            light: image(&light_camera, 3),
+            light_camera,
+            radio: image(&radio_camera, 1),
+            radio_camera,
             inverse_depth: None,
             mask: None,
         };
         let step = Step {
             view: ViewId(0),
             levels: [0; 2],
-            optical_weight: 1.0,
-            rf_weight: 0.5,
+            light_weight: 1.0,
+            radio_weight: 0.5,
             depth_weight: 0.0,
             train_geometry: true,
-            optical_background: [0.2, 0.4, 0.6],
-            rf_background: [0.0; 3],
+            light_background: [0.2, 0.4, 0.6],
+            radio_background: [0.0; 3],
         };
         let found: Vec<_> = Isa::available()
             .into_iter()
@@ -258,10 +258,10 @@ mod tests {
                     flat(&gradient.position),
                     gradient.rotation.as_flattened().to_vec(),
                     flat(&gradient.log_scale),
-                    gradient.optical.opacity_logit,
-                    gradient.rf.opacity_logit,
-                    gradient.optical.sh,
-                    gradient.rf.sh,
+                    gradient.light.opacity_logit,
+                    gradient.radio.opacity_logit,
+                    gradient.light.sh,
+                    gradient.radio.sh,
                 ];
                 (isa, report, classes)
             })
@@ -271,7 +271,7 @@ mod tests {
         for (isa, report, classes) in &found[1..] {
             assert_eq!(report.visible, portable.visible);
             assert!(
-                (report.optical_loss - portable.optical_loss).abs() < 1e-6 && (report.rf_loss - portable.rf_loss).abs() < 1e-6
+                (report.light_loss - portable.light_loss).abs() < 1e-6 && (report.radio_loss - portable.radio_loss).abs() < 1e-6
             );
             for (class, (ours, truth)) in classes.iter().zip(truth).enumerate() {
                 let worst = ours.iter().zip(truth).fold(0.0_f32, |m, (a, b)| m.max((a - b).abs()));

@@ -2,7 +2,7 @@
 
 use super::{
     geometry::{Grid, Scene, ellipse_of, shape_of, to_camera},
-    store::{Core, Harmonics, LOG_SCALE, OPTICAL_OPACITY, POSITION, ROTATION, Store},
+    store::{Core, Harmonics, LIGHT_OPACITY, LOG_SCALE, POSITION, ROTATION, Store},
 };
 use crate::gaussians::harmonics;
 use crate::simd::{Isa, Kernel, Lanes};
@@ -86,10 +86,10 @@ impl Projection {
         for splats in &mut self.splats {
             splats.resize(chunks * CHUNK, Splat::default());
         }
-        let [optical, rf] = &mut self.splats;
-        self.chunks.par_iter_mut().zip(optical.par_chunks_mut(CHUNK)).zip(rf.par_chunks_mut(CHUNK)).enumerate().for_each(
-            |(chunk, ((visible, optical), rf))| {
-                isa.dispatch(ProjectChunk { store, scene, near_m, first: chunk * CHUNK, visible, splats: [optical, rf] });
+        let [light, radio] = &mut self.splats;
+        self.chunks.par_iter_mut().zip(light.par_chunks_mut(CHUNK)).zip(radio.par_chunks_mut(CHUNK)).enumerate().for_each(
+            |(chunk, ((visible, light), radio))| {
+                isa.dispatch(ProjectChunk { store, scene, near_m, first: chunk * CHUNK, visible, splats: [light, radio] });
             },
         );
     }
@@ -239,7 +239,7 @@ impl ProjectChunk<'_> {
             let e = ellipse_of(grid, p, &s);
             let inverse = one / e.determinant;
             let (qa, qb, qc) = (e.syy * inverse, -(e.bare[1] * inverse), e.sxx * inverse);
-            let opacity = e.rho / (one + (-gather::<L>(values, ids, OPTICAL_OPACITY + g)).exp());
+            let opacity = e.rho / (one + (-gather::<L>(values, ids, LIGHT_OPACITY + g)).exp());
             // Bound of σ: o ρ exp(−σ) ≥ 1/255.
             let tau = (opacity * L::splat(255.0)).max(L::splat(1e-30)).ln() + L::splat(TAU_MARGIN);
             let width = (L::splat(2.0) * tau * e.sxx).max(L::splat(0.0)).sqrt();

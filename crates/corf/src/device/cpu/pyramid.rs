@@ -25,7 +25,7 @@ pub(crate) struct Pyramid {
     /// Per level: optical, RF.
     pub levels: Vec<[Level; 2]>,
     /// Levels of the RF image; those beyond are its last one again.
-    pub rf_levels: usize,
+    pub radio_levels: usize,
     /// Per level, if the keyframe has inverse depths.
     pub depth: Option<Vec<DepthTarget>>,
 }
@@ -39,8 +39,8 @@ pub(crate) struct Levels {
 }
 
 /// Levels of an RF image's pyramid where so many are asked for: each has pixels. Steps may look at fewer of them than of the optical image's.
-pub(crate) fn rf_levels(view: &TrainingView, levels: u32) -> usize {
-    let has_pixels = |level: &u32| [view.rf_camera.width, view.rf_camera.height].iter().all(|size| size >> level > 0);
+pub(crate) fn radio_levels(view: &TrainingView, levels: u32) -> usize {
+    let has_pixels = |level: &u32| [view.radio_camera.width, view.radio_camera.height].iter().all(|size| size >> level > 0);
     (0..levels.max(1)).take_while(has_pixels).count()
 }
 
@@ -52,7 +52,7 @@ pub(crate) fn check_levels(asked: [u32; 2], there: [usize; 2]) -> std::result::R
 
 /// Refuses a training view that is no target, or has too few pixels for so many levels; of RF the first is enough.
 pub(crate) fn check_view(view: &TrainingView, levels: u32) -> Result<()> {
-    let images = [(&view.optical_camera, &view.optical, "optical", levels), (&view.rf_camera, &view.rf, "rf", 1)];
+    let images = [(&view.light_camera, &view.light, "optical", levels), (&view.radio_camera, &view.radio, "rf", 1)];
     for (camera, image, name, levels) in images {
         check(camera, image, name)?;
         for level in 0..levels {
@@ -63,7 +63,7 @@ pub(crate) fn check_view(view: &TrainingView, levels: u32) -> Result<()> {
             }
         }
     }
-    let size = (view.optical_camera.width, view.optical_camera.height);
+    let size = (view.light_camera.width, view.light_camera.height);
     if let Some(mask) = view.mask.as_ref().filter(|m| (m.width(), m.height()) != size) {
         let what = format!("{}x{} pixels against an image of {}x{}", mask.width(), mask.height(), size.0, size.1);
         return Err(Error::invalid("training view, mask", what, "give it in the optical image's size"));
@@ -82,15 +82,15 @@ pub(crate) fn check_view(view: &TrainingView, levels: u32) -> Result<()> {
 pub(crate) fn levels_of(view: &TrainingView, levels: u32) -> Result<Levels> {
     let levels = levels.max(1) as usize;
     check_view(view, levels as u32)?;
-    let rf_levels = rf_levels(view, levels as u32);
-    let mut images = vec![[(view.optical_camera, view.optical.clone()), (view.rf_camera, view.rf.clone())]];
+    let radio_levels = radio_levels(view, levels as u32);
+    let mut images = vec![[(view.light_camera, view.light.clone()), (view.radio_camera, view.radio.clone())]];
     let mut depth: Option<Vec<DepthTarget>> = usable_depths(view).map(|pairs| {
         let (value, confidence) = pairs.into_iter().unzip();
-        vec![DepthTarget { width: view.optical.width, height: view.optical.height, value, confidence }]
+        vec![DepthTarget { width: view.light.width, height: view.light.height, value, confidence }]
     });
     while let Some(last) = images.last().filter(|_| images.len() < levels) {
         let next = |g: usize| (last[g].0.downsampled(1), halve(&last[g].1));
-        images.push([next(0), if images.len() < rf_levels { next(1) } else { last[1].clone() }]);
+        images.push([next(0), if images.len() < radio_levels { next(1) } else { last[1].clone() }]);
         if let Some(depths) = &mut depth
             && let Some(last) = depths.last()
         {
@@ -109,8 +109,8 @@ impl Pyramid {
             [(0, mask), (1, None)].map(|(g, mask)| Level { camera: level[g].0, target: Target::new(isa, &level[g].1, mask) })
         };
         let levels_of_images = images.iter().enumerate().map(level).collect();
-        let (world_from_camera, rf_levels) = (view.world_from_camera, rf_levels(view, levels));
-        Ok(Self { world_from_camera, levels: levels_of_images, rf_levels, depth })
+        let (world_from_camera, radio_levels) = (view.world_from_camera, radio_levels(view, levels));
+        Ok(Self { world_from_camera, levels: levels_of_images, radio_levels, depth })
     }
 
     /// The images to render, each at its level.

@@ -62,19 +62,19 @@ impl Frame {
     pub fn sort(&mut self, scene: &Scene) {
         self.order.run(&self.projection);
         let (projection, order) = (&self.projection, &self.order.order);
-        let [optical, rf] = &mut self.images;
+        let [light, radio] = &mut self.images;
         let fill = |g: usize, image: &mut Image| {
             if let Some(grid) = &scene.grids[g] {
                 image.places.resize_with(projection.chunks.len(), Vec::new);
                 image.lists.run(g, grid, projection, order, &mut image.places);
             }
         };
-        rayon::join(|| fill(0, optical), || fill(1, rf));
+        rayon::join(|| fill(0, light), || fill(1, radio));
     }
 
     /// Blends every image of the scene; `channels`, `backgrounds` and `depth` per modality.
     pub fn blend(&mut self, isa: Isa, scene: &Scene, channels: [usize; 2], backgrounds: [[f32; 3]; 2], depth: [bool; 2]) {
-        let [optical, rf] = &mut self.images;
+        let [light, radio] = &mut self.images;
         let splats = &self.projection.splats;
         let blend = |g: usize, image: &mut Image| {
             let Some(grid) = &scene.grids[g] else { return };
@@ -86,7 +86,7 @@ impl Frame {
                 (_, true) => image.blend::<3, true>(isa, grid, &splats[g], background),
             }
         };
-        rayon::join(|| blend(0, optical), || blend(1, rf));
+        rayon::join(|| blend(0, light), || blend(1, radio));
     }
 }
 
@@ -141,7 +141,7 @@ fn untile<T: Copy>(grid: &Grid, channels: usize, channel: usize, tiles: &[T]) ->
 
 impl CpuDevice {
     pub(super) fn render_request(&mut self, request: &RenderRequest) -> Result<Rendering> {
-        if request.main_contributor && request.optical.is_none() {
+        if request.main_contributor && request.light.is_none() {
             return Err(Error::invalid(
                 "render request",
                 "a main contributor without an optical view",
@@ -149,7 +149,7 @@ impl CpuDevice {
             ));
         }
         let mut out = Rendering::default();
-        for (g, wanted) in [&request.optical, &request.rf].into_iter().enumerate() {
+        for (g, wanted) in [&request.light, &request.radio].into_iter().enumerate() {
             let Some((view, background)) = wanted else { continue };
             let scene = self.scene_of(g, view)?;
             let channels = self.store.harmonics[g].channels;
@@ -160,12 +160,12 @@ impl CpuDevice {
             let image = &self.frame.images[g];
             let layer = Some(image.layer(grid, channels));
             if g == 0 {
-                out.optical = layer;
+                out.light = layer;
                 if request.main_contributor {
                     out.main_contributor = Some(image.main_contributor(self.isa, grid, &self.frame.projection));
                 }
             } else {
-                out.rf = layer;
+                out.radio = layer;
             }
         }
         Ok(out)

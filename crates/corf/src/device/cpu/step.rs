@@ -61,17 +61,17 @@ impl CpuDevice {
             let what = format!("this device holds {} views", self.pyramids.len());
             return Err(Error::invalid(place(), what, "upload the view to the device that trains on it"));
         };
-        check_levels(step.levels, [pyramid.levels.len(), pyramid.rf_levels])
+        check_levels(step.levels, [pyramid.levels.len(), pyramid.radio_levels])
             .map_err(|what| Error::invalid(place(), what, "upload the view with more levels, or train on a lower one"))?;
-        let weights = [step.optical_weight, step.rf_weight, step.depth_weight];
+        let weights = [step.light_weight, step.radio_weight, step.depth_weight];
         if weights.iter().any(|w| !(w.is_finite() && *w >= 0.0)) {
             return Err(Error::invalid(place(), format!("loss weights {weights:?}"), "give finite weights ≥ 0"));
         }
         let mut grids = pyramid.grids(step.levels.map(|l| l as usize), self.raster.antialias).map(Some);
-        if step.optical_weight == 0.0 {
+        if step.light_weight == 0.0 {
             grids[0] = None;
         }
-        if step.rf_weight == 0.0 {
+        if step.radio_weight == 0.0 {
             grids[1] = None;
         }
         Ok(Scene::new(&pyramid.world_from_camera, grids))
@@ -87,7 +87,7 @@ impl CpuDevice {
             _ => None,
         };
         let channels = [self.store.harmonics[0].channels, self.store.harmonics[1].channels];
-        let weights = [step.optical_weight, step.rf_weight];
+        let weights = [step.light_weight, step.radio_weight];
         let with_depth = [depth_target.is_some(), false];
         let mut report = StepReport::default();
 
@@ -99,24 +99,24 @@ impl CpuDevice {
         self.frame.sort(scene);
         clock.lap(&mut self.times.sort_s);
 
-        self.frame.blend(isa, scene, channels, [step.optical_background, step.rf_background], with_depth);
+        self.frame.blend(isa, scene, channels, [step.light_background, step.radio_background], with_depth);
         clock.lap(&mut self.times.forward_s);
 
         let scratch = &mut self.scratch;
-        let [optical_loss, rf_loss] = &mut scratch.losses;
+        let [light_loss, radio_loss] = &mut scratch.losses;
         let (depth_loss, images, gamma) = (&mut scratch.depth, &self.frame.images, self.optimizer.ssim_weight);
         let run = |g: usize, loss: &mut ImageLoss| match scene.grids[g] {
             Some(_) => loss.run(isa, &images[g].color, &pyramid.levels[at[g]][g].target, weights[g], gamma),
             None => 0.0,
         };
-        (report.optical_loss, report.rf_loss) = rayon::join(|| run(0, optical_loss), || run(1, rf_loss));
+        (report.light_loss, report.radio_loss) = rayon::join(|| run(0, light_loss), || run(1, radio_loss));
         if let Some(target) = depth_target {
             // η multiplies the depth term inside L_opt (paper Eq. (19)).
             report.depth_loss = depth_loss.run(&images[0].inverse_depth, target, step.depth_weight);
         }
         clock.lap(&mut self.times.loss_s);
 
-        let [optical, rf] = &mut scratch.records;
+        let [light, radio] = &mut scratch.records;
         let splats = &self.frame.projection.splats;
         let backward = |g: usize, records: &mut Vec<Record>, loss: &ImageLoss| {
             let Some(grid) = &scene.grids[g] else { return };
@@ -135,7 +135,7 @@ impl CpuDevice {
                 (_, true) => job.run::<3, true>(records),
             }
         };
-        rayon::join(|| backward(0, optical, optical_loss), || backward(1, rf, rf_loss));
+        rayon::join(|| backward(0, light, light_loss), || backward(1, radio, radio_loss));
         clock.lap(&mut self.times.backward_s);
         report
     }

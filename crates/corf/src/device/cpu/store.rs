@@ -13,8 +13,8 @@ use crate::{
 pub(crate) const POSITION: usize = 0;
 pub(crate) const ROTATION: usize = 3;
 pub(crate) const LOG_SCALE: usize = 7;
-pub(crate) const OPTICAL_OPACITY: usize = 10;
-pub(crate) const RF_OPACITY: usize = 11;
+pub(crate) const LIGHT_OPACITY: usize = 10;
+pub(crate) const RADIO_OPACITY: usize = 11;
 /// Numbers of a [`Core`].
 pub const CORE: usize = 12;
 /// Position (3), quaternion (4), ln scale (3), opacity logits (optical, RF).
@@ -102,7 +102,7 @@ impl Store {
     /// No Gaussians yet, with the channels and degrees of `like`.
     pub fn new(like: &Gaussians) -> Result<Self> {
         like.check_colours()?;
-        let harmonics = [Harmonics::empty(&like.optical), Harmonics::empty(&like.rf)];
+        let harmonics = [Harmonics::empty(&like.light), Harmonics::empty(&like.radio)];
         Ok(Self { value: vec![], moment1: vec![], moment2: vec![], position_rate: vec![], screen: vec![], harmonics })
     }
 
@@ -140,8 +140,8 @@ impl Store {
     pub fn append(&mut self, new: &Gaussians) -> Result<()> {
         new.check_appendable(self.held())?;
         self.extend(cores(new));
-        self.harmonics[0].append(&new.optical);
-        self.harmonics[1].append(&new.rf);
+        self.harmonics[0].append(&new.light);
+        self.harmonics[1].append(&new.radio);
         Ok(())
     }
 
@@ -174,7 +174,7 @@ impl Store {
 
     /// Lowers a modality's opacities above `most` to it, and clears the moments of all of them.
     pub fn cap_opacity(&mut self, modality: Modality, most: f32) {
-        let (most, at) = (logit(most), OPTICAL_OPACITY + modality.index());
+        let (most, at) = (logit(most), LIGHT_OPACITY + modality.index());
         for (value, (m, v)) in self.value.iter_mut().zip(self.moment1.iter_mut().zip(&mut self.moment2)) {
             value[at] = value[at].min(most);
             (m[at], v[at]) = (0.0, 0.0);
@@ -196,16 +196,16 @@ impl Store {
         }
     }
 
-    pub fn reset_rf(&mut self, rf: &Appearance) -> Result<()> {
+    pub fn reset_radio(&mut self, radio: &Appearance) -> Result<()> {
         let held = &self.harmonics[1];
-        rf.check_complete("RF appearance", self.len(), (held.channels, held.degree))?;
-        for (i, logit) in rf.opacity_logit.iter().enumerate() {
-            self.value[i][RF_OPACITY] = *logit;
-            self.moment1[i][RF_OPACITY] = 0.0;
-            self.moment2[i][RF_OPACITY] = 0.0;
+        radio.check_complete("RF appearance", self.len(), (held.channels, held.degree))?;
+        for (i, logit) in radio.opacity_logit.iter().enumerate() {
+            self.value[i][RADIO_OPACITY] = *logit;
+            self.moment1[i][RADIO_OPACITY] = 0.0;
+            self.moment2[i][RADIO_OPACITY] = 0.0;
         }
-        self.harmonics[1] = Harmonics::empty(rf);
-        self.harmonics[1].append(rf);
+        self.harmonics[1] = Harmonics::empty(radio);
+        self.harmonics[1].append(radio);
         Ok(())
     }
 
@@ -228,8 +228,8 @@ impl Store {
             position: cores.iter().map(|c| [c[0], c[1], c[2]]).collect(),
             rotation: cores.iter().map(|c| [c[3], c[4], c[5], c[6]]).collect(),
             log_scale: cores.iter().map(|c| [c[7], c[8], c[9]]).collect(),
-            optical: appearance(0, OPTICAL_OPACITY),
-            rf: appearance(1, RF_OPACITY),
+            light: appearance(0, LIGHT_OPACITY),
+            radio: appearance(1, RADIO_OPACITY),
         }
     }
 
@@ -237,7 +237,7 @@ impl Store {
         let outline = |c: &Core| Outline {
             position: [c[0], c[1], c[2]],
             largest_log_scale: c[LOG_SCALE].max(c[LOG_SCALE + 1]).max(c[LOG_SCALE + 2]),
-            opacity_logit: [c[OPTICAL_OPACITY], c[RF_OPACITY]],
+            opacity_logit: [c[LIGHT_OPACITY], c[RADIO_OPACITY]],
         };
         self.value.iter().map(outline).collect()
     }
@@ -257,7 +257,7 @@ impl Store {
         let [first, second] = &state.moments;
         self.moment1 = cores(first).collect();
         self.moment2 = cores(second).collect();
-        for (h, pick) in self.harmonics.iter_mut().zip([|g: &Gaussians| g.optical.clone(), |g: &Gaussians| g.rf.clone()]) {
+        for (h, pick) in self.harmonics.iter_mut().zip([|g: &Gaussians| g.light.clone(), |g: &Gaussians| g.radio.clone()]) {
             h.moment1 = h.by_channel(&pick(first));
             h.moment2 = h.by_channel(&pick(second));
         }
@@ -270,6 +270,6 @@ impl Store {
 fn cores(g: &Gaussians) -> impl Iterator<Item = Core> + '_ {
     (0..g.len()).map(|i| {
         let ([x, y, z], [qw, qx, qy, qz], [a, b, c]) = (g.position[i], g.rotation[i], g.log_scale[i]);
-        [x, y, z, qw, qx, qy, qz, a, b, c, g.optical.opacity_logit[i], g.rf.opacity_logit[i]]
+        [x, y, z, qw, qx, qy, qz, a, b, c, g.light.opacity_logit[i], g.radio.opacity_logit[i]]
     })
 }

@@ -6,7 +6,7 @@ use super::{
         EllipseGradient, Scene, ShapeGradient, ellipse_backward, ellipse_of, mean_backward, shape_backward, shape_of, to_camera,
     },
     project::{CHUNK, Projection, VisibleChunk, direction_of, gather3, gather4},
-    store::{Core, LOG_SCALE, OPTICAL_OPACITY, POSITION, RF_OPACITY, ROTATION, Store},
+    store::{Core, LIGHT_OPACITY, LOG_SCALE, POSITION, RADIO_OPACITY, ROTATION, Store},
 };
 use crate::simd::{Isa, Kernel, Lanes};
 use crate::{
@@ -59,7 +59,7 @@ impl Update<'_> {
     /// Updates (or overwrites by gradients) every visible Gaussian of the store.
     pub fn run(&self, store: &mut Store) {
         let coefficients = [store.harmonics[0].coefficients(), store.harmonics[1].coefficients()];
-        let [optical, rf] = &mut store.harmonics;
+        let [light, radio] = &mut store.harmonics;
         let mut parts = Vec::with_capacity(self.projection.chunks.len());
         let mut cores = store
             .value
@@ -67,7 +67,7 @@ impl Update<'_> {
             .zip(store.moment1.chunks_mut(CHUNK))
             .zip(store.moment2.chunks_mut(CHUNK))
             .zip(store.position_rate.chunks_mut(CHUNK));
-        let mut sh = [optical, rf].map(|h| {
+        let mut sh = [light, radio].map(|h| {
             let n = CHUNK * (h.degree + 1) * (h.degree + 1) * h.channels;
             let (channels, degree) = (h.channels, h.degree);
             h.value
@@ -82,11 +82,11 @@ impl Update<'_> {
         };
         let sums = if summed { store.screen.len() } else { 0 };
         let mut screen = store.screen[..sums].chunks_mut(CHUNK);
-        while let (Some((((value, moment1), moment2), position_rate)), Some(optical), Some(rf)) =
+        while let (Some((((value, moment1), moment2), position_rate)), Some(light), Some(radio)) =
             (cores.next(), sh[0].next(), sh[1].next())
         {
             let screen = screen.next().unwrap_or_default();
-            parts.push(Part { value, moment1, moment2, position_rate, screen, harmonics: [optical, rf] });
+            parts.push(Part { value, moment1, moment2, position_rate, screen, harmonics: [light, radio] });
         }
         let constants = match &self.mode {
             Mode::Adam { config, dense, .. } => Constants::new(config, coefficients, *dense),
@@ -119,7 +119,7 @@ impl Constants {
     fn new(config: &OptimizerConfig, coefficients: [usize; 2], dense: Option<&DenseStep>) -> Self {
         let mut out = Self::default();
         out.learnt = dense.map_or(out.learnt, DenseStep::coefficients);
-        for (g, r) in [&config.optical, &config.rf].into_iter().enumerate() {
+        for (g, r) in [&config.light, &config.radio].into_iter().enumerate() {
             out.harmonic_rates[g] = [r.sh_dc / r.sh_rest_divisor; MAX_STRIDE];
             out.harmonic_rates[g].iter_mut().step_by(coefficients[g]).for_each(|rate| *rate = r.sh_dc);
         }
@@ -155,7 +155,7 @@ impl Kernel for UpdateChunk<'_, '_> {
             let mut seen = visible.ids.iter().map(|id| *id as usize - first).peekable();
             for id in 0..self.part.value.len() {
                 if seen.next_if_eq(&id).is_none() {
-                    self.coast::<L>(id);
+                    self.momentum::<L>(id);
                 }
             }
         }
@@ -196,7 +196,7 @@ impl UpdateChunk<'_, '_> {
             }
             let e = ellipse_of(grid, p, &s);
             let opacity =
-                L::splat(1.0) / (L::splat(1.0) + (-super::project::gather::<L>(self.part.value, ids, OPTICAL_OPACITY + g)).exp());
+                L::splat(1.0) / (L::splat(1.0) + (-super::project::gather::<L>(self.part.value, ids, LIGHT_OPACITY + g)).exp());
             let d_opacity = L::load(&sums[OPACITY]);
             (d_opacity * e.rho * opacity * (L::splat(1.0) - opacity)).store(&mut d_logit[g]);
             let gradient = EllipseGradient {
@@ -248,8 +248,8 @@ impl UpdateChunk<'_, '_> {
         for k in 0..4 {
             d_rotation[k].store(&mut gradient[ROTATION + k]);
         }
-        gradient[OPTICAL_OPACITY] = d_logit[0];
-        gradient[RF_OPACITY] = d_logit[1];
+        gradient[LIGHT_OPACITY] = d_logit[0];
+        gradient[RADIO_OPACITY] = d_logit[1];
         for lane in 0..lanes {
             let mut one: Core = [0.0; 12];
             for k in 0..12 {
@@ -261,7 +261,7 @@ impl UpdateChunk<'_, '_> {
 
     /// A step without a gradient, of a Gaussian that is not visible, in the modalities that are rendered.
     #[inline(always)]
-    fn coast<L: Lanes>(&mut self, id: usize) {
+    fn momentum<L: Lanes>(&mut self, id: usize) {
         let Mode::Adam { config, .. } = &self.update.mode else { return };
         let rendered = [0, 1].map(|g| self.update.scene.grids[g].is_some());
         self.core::<L>(id, &[0.0; 12], rendered);
@@ -286,18 +286,18 @@ impl UpdateChunk<'_, '_> {
         if *geometry {
             rates[POSITION..ROTATION].fill(config.position_rate_m * *rate);
             rates[ROTATION..LOG_SCALE].fill(config.rotation_rate);
-            rates[LOG_SCALE..OPTICAL_OPACITY].fill(config.log_scale_rate);
+            rates[LOG_SCALE..LIGHT_OPACITY].fill(config.log_scale_rate);
             *rate *= 1.0 - config.position_decay;
         }
-        rates[OPTICAL_OPACITY] = config.optical.opacity;
-        rates[RF_OPACITY] = config.rf.opacity;
+        rates[LIGHT_OPACITY] = config.light.opacity;
+        rates[RADIO_OPACITY] = config.radio.opacity;
         let (value, m, v) = (&mut self.part.value[id], &mut self.part.moment1[id], &mut self.part.moment2[id]);
         let mut state = [*value, *m, *v];
         let [new_value, new_m, new_v] = &mut state;
         adam::<L>(config, &rates, gradient, [new_value, new_m, new_v]);
         // Only what this step trains and sees is written back.
-        let first = if *geometry { POSITION } else { OPTICAL_OPACITY };
-        for k in (first..OPTICAL_OPACITY).chain((0..2).filter(|g| seen[*g]).map(|g| OPTICAL_OPACITY + g)) {
+        let first = if *geometry { POSITION } else { LIGHT_OPACITY };
+        for k in (first..LIGHT_OPACITY).chain((0..2).filter(|g| seen[*g]).map(|g| LIGHT_OPACITY + g)) {
             (value[k], m[k], v[k]) = (state[0][k], state[1][k], state[2][k]);
         }
     }

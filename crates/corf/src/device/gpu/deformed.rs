@@ -15,7 +15,7 @@ pub use super::shaders::{ADAM, SLOTS};
 /// Gaussians in the place of those held, and the gradient in them.
 pub(super) struct StandIns {
     core: Scratch,
-    rf: Scratch,
+    radio: Scratch,
     /// In geometry and opacities, optical harmonics (which nothing reads) and RF harmonics.
     gradients: [Scratch; 3],
     /// Whether pictures are made of them.
@@ -29,7 +29,7 @@ pub struct Buffers<'a> {
     /// Those held: geometry and opacities, with Adam's two moments.
     pub core: [&'a wgpu::Buffer; 3],
     /// Those held: RF harmonics, with Adam's moments, a row's first ones before its second ones.
-    pub rf: [&'a wgpu::Buffer; 2],
+    pub radio: [&'a wgpu::Buffer; 2],
     /// Those that stand in their place: geometry and opacities, RF harmonics.
     pub stand_ins: [&'a wgpu::Buffer; 2],
     /// The gradient in these, zero where they are not seen.
@@ -60,7 +60,7 @@ impl StandIns {
     fn new(context: &Context) -> Result<Self> {
         let scratch = |label| Scratch::new(context, label);
         let gradients = [scratch("gradient of geometry")?, scratch("gradient of light")?, scratch("gradient of RF")?];
-        Ok(Self { core: scratch("stand-in geometry")?, rf: scratch("stand-in RF")?, gradients, shown: false })
+        Ok(Self { core: scratch("stand-in geometry")?, radio: scratch("stand-in RF")?, gradients, shown: false })
     }
 }
 
@@ -74,7 +74,7 @@ impl GpuDevice {
     pub(super) fn values(&self) -> [&wgpu::Buffer; 3] {
         let [_, light, _] = self.store.values();
         match &self.stand_ins {
-            Some(s) if s.shown => [&s.core.buffer, light, &s.rf.buffer],
+            Some(s) if s.shown => [&s.core.buffer, light, &s.radio.buffer],
             _ => self.store.values(),
         }
     }
@@ -91,8 +91,10 @@ impl GpuDevice {
             Some(s) => s,
             None => self.stand_ins.insert(StandIns::new(&context)?),
         };
-        let [core, light, rf] = &mut s.gradients;
-        for (scratch, words) in [(&mut s.core, CORE), (&mut s.rf, 4), (core, CORE), (light, h[0].words()), (rf, h[1].words())] {
+        let [core, light, radio] = &mut s.gradients;
+        for (scratch, words) in
+            [(&mut s.core, CORE), (&mut s.radio, 4), (core, CORE), (light, h[0].words()), (radio, h[1].words())]
+        {
             scratch.reserve(&context, n, 4 * words)?;
         }
         Ok(())
@@ -103,8 +105,8 @@ impl GpuDevice {
         let buffers = Buffers {
             state: &self.memory.state,
             core: [&c.value.buffer, &c.moment1.buffer, &c.moment2.buffer],
-            rf: [&sh.value.buffer, &sh.moments.buffer],
-            stand_ins: [&s.core.buffer, &s.rf.buffer],
+            radio: [&sh.value.buffer, &sh.moments.buffer],
+            stand_ins: [&s.core.buffer, &s.radio.buffer],
             gradients: [&s.gradients[0].buffer, &s.gradients[2].buffer],
             gaussians: self.store.len(),
         };
@@ -139,18 +141,18 @@ impl GpuDevice {
     /// Records and submits what is left of a batch, a step at a time: constants of a deformation are one step's.
     fn submit_deformed(&mut self, batch: &Batch, s: &StandIns, deformation: &mut dyn Deformation) -> Result<()> {
         let steps = &batch.steps[batch.done..];
-        self.shelf.announce(steps.iter().map(|s| s.view.0));
+        self.keyframe_cache.announce(steps.iter().map(|s| s.view.0));
         let (context, m, n) = (&self.context, &self.memory, self.store.len());
         let uniforms = Uniforms::new(context, steps.iter().map(|s| &s.params))?;
         m.reset(context, n);
-        let values = [&s.core.buffer, self.store.values()[1], &s.rf.buffer];
+        let values = [&s.core.buffer, self.store.values()[1], &s.radio.buffer];
         let forward = self.forward.bind(context, &uniforms.buffer, values, m, Leaves::Checkpoints)?;
         let gradients = s.gradients.each_ref().map(|g| &g.buffer);
         let training = self.bind_training(&uniforms.buffer, values, Destination::Noted(gradients))?;
         let mut losses = BTreeMap::new();
         self.bind_deformation(s, deformation)?;
         for (k, step) in steps.iter().enumerate() {
-            self.shelf.bring(context, &[step.view.0])?;
+            self.keyframe_cache.bring(context, &[step.view.0])?;
             self.bind_losses(&uniforms.buffer, std::slice::from_ref(step), &mut losses)?;
             deformation.prepare(context, batch.done + k);
             let mut encoder = context.encoder();

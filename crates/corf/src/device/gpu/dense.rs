@@ -15,21 +15,21 @@ pub(super) struct DenseUpdate {
     /// Appearance, geometry.
     pub update: [Kernel; 2],
     /// Of steps that render light, and RF: the Gaussians that are not seen.
-    pub coast: [Kernel; 2],
+    pub momentum: [Kernel; 2],
 }
 
 impl DenseUpdate {
     fn new(context: &Context, fixed: &Fixed) -> Result<Self> {
-        let [appearance, geometry, light, rf] = Kernel::all(
+        let [appearance, geometry, light, radio] = Kernel::all(
             context,
             [
                 ("dense update appearance", fixed.update_appearance(Gradients::Dense)),
                 ("dense update geometry", fixed.update_geometry(Gradients::Dense)),
-                ("coast in light", fixed.coast(0)),
-                ("coast in RF", fixed.coast(1)),
+                ("momentum in light", fixed.momentum(0)),
+                ("momentum in RF", fixed.momentum(1)),
             ],
         )?;
-        Ok(Self { update: [appearance, geometry], coast: [light, rf] })
+        Ok(Self { update: [appearance, geometry], momentum: [light, radio] })
     }
 }
 

@@ -14,7 +14,7 @@ use corf_gpu::Context;
 /// Words of a mark (`shaders/mark.wgsl`).
 const MARK: usize = 3;
 /// Place of light's opacity among a Gaussian's geometry and opacities; that of 60 GHz is behind it.
-const OPTICAL_OPACITY: usize = 10;
+const LIGHT_OPACITY: usize = 10;
 /// Number of a dense step that there is none of.
 const NOBODY: u32 = u32::MAX;
 
@@ -70,7 +70,7 @@ impl Store {
     /// Lowers a modality's opacities above `most` to it, and clears the moments of all of them.
     pub fn cap_opacity(&mut self, context: &Context, modality: Modality, most: f32) -> Result<()> {
         let doing = "resetting opacities";
-        let (c, numbers, most, at) = (&self.core, self.len() * CORE, logit(most), OPTICAL_OPACITY + modality.index());
+        let (c, numbers, most, at) = (&self.core, self.len() * CORE, logit(most), LIGHT_OPACITY + modality.index());
         let sources = [(&c.value.buffer, numbers), (&c.moment1.buffer, numbers), (&c.moment2.buffer, numbers)];
         let mut read = context.read::<f32>(doing, &sources)?;
         for (k, (rows, values)) in [&c.value, &c.moment1, &c.moment2].into_iter().zip(&mut read).enumerate() {

@@ -298,7 +298,7 @@ impl Forward {
         m: &Memory,
         leaves: Leaves,
     ) -> Result<BoundForward> {
-        let [core, optical, rf] = values;
+        let [core, light, radio] = values;
         let (blocks, shares, splats) = (&m.blocks.buffer, &m.shares.buffer, &m.splats.buffer);
         let (pairs, sizes, lists, entries) = (&m.pairs.buffer, &m.tile_sizes.buffer, &m.lists.buffer, &m.entries.buffer);
         let bind =
@@ -323,7 +323,7 @@ impl Forward {
         let (heads, tails) = (&m.record_heads.buffer, &m.record_tails.buffer);
         let emitted = [params, &m.state, drawn, splats, blocks, shares, sizes, pairs, heads, tails];
         let chunks = &m.chunks.buffer;
-        let projected = [params, core, optical, rf, blocks, splats, numbers, &m.state, drawn, shares, &m.args];
+        let projected = [params, core, light, radio, blocks, splats, numbers, &m.state, drawn, shares, &m.args];
         let tiled = |t: &Tiled| t.bind(|k| bind(k, &projected), |k| bind(k, &emitted), blended, blend);
         Ok(BoundForward {
             allot: bind(&self.allot, &[params, &m.state, sizes, lists, &m.bucket_tiles.buffer, &m.args, chunks])?,

@@ -14,13 +14,13 @@ pub mod deformed;
 mod dense;
 mod density;
 mod frame;
+mod keyframe_cache;
 mod options;
 mod params;
 mod pyramid;
 mod readback;
 mod render;
 mod shaders;
-mod shelf;
 mod store;
 mod survey;
 #[cfg(test)]
@@ -39,9 +39,9 @@ use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result}
 use corf_gpu::{Context, Reading, Scratch};
 use deformed::StandIns;
 use frame::{Forward, Memory};
+use keyframe_cache::{KeyframeCache, StoredView};
 use pyramid::Packed;
 use shaders::Fixed;
-use shelf::{Shelf, StoredView};
 use std::sync::Arc;
 use store::Store;
 use survey::Surveyor;
@@ -66,7 +66,7 @@ pub struct GpuDevice {
     training: Training,
     surveyor: Surveyor,
     memory: Memory,
-    shelf: Shelf,
+    keyframe_cache: KeyframeCache,
     /// Of each Gaussian: the sum of its gradients on the screen, their number, and the dense step that saw it last.
     marks: Scratch,
     /// Number of Gaussians whose marks are held; none where they are to be cleared first.
@@ -127,7 +127,7 @@ impl GpuDevice {
             training,
             surveyor,
             memory,
-            shelf: Shelf::new(options.keyframe_bytes),
+            keyframe_cache: KeyframeCache::new(options.keyframe_bytes),
             times: GpuStageTimes::default(),
             last: Counts::default(),
             failed: None,
@@ -154,7 +154,7 @@ impl GpuDevice {
 
     /// Bytes of device memory that keyframes take, and bytes of keyframes that have come back from main memory for want of more.
     pub fn keyframe_bytes(&self) -> [u64; 2] {
-        [self.shelf.taken_bytes(), self.shelf.brought_bytes()]
+        [self.keyframe_cache.taken_bytes(), self.keyframe_cache.brought_bytes()]
     }
 
     /// Waits for what was begun.
@@ -172,12 +172,12 @@ impl Device for GpuDevice {
         self.ready()?;
         check_channels(view, self.store.harmonics.map(|h| h.channels))?;
         let packed = Packed::new(view, levels, self.raster.antialias)?;
-        Ok(ViewId(self.shelf.push(StoredView::new(packed, &self.context, &self.shelf.budget)?)))
+        Ok(ViewId(self.keyframe_cache.push(StoredView::new(packed, &self.context, &self.keyframe_cache.budget)?)))
     }
 
     fn packer(&self) -> Option<Packer> {
         let (antialias, channels) = (self.raster.antialias, self.store.harmonics.map(|h| h.channels));
-        let (context, budget) = (self.context.clone(), self.shelf.budget.clone());
+        let (context, budget) = (self.context.clone(), self.keyframe_cache.budget.clone());
         Some(Arc::new(move |view, levels| {
             check_channels(view, channels)?;
             // On its way before it is asked for, if there is room: only its number is left to be given.
@@ -188,7 +188,7 @@ impl Device for GpuDevice {
     fn upload_packed(&mut self, view: PackedView) -> Result<ViewId> {
         self.ready()?;
         let foreign = || self.lacks("packed views of other devices", "upload what its own packer has built");
-        Ok(ViewId(self.shelf.push(view.unwrap_as().ok_or_else(foreign)?)))
+        Ok(ViewId(self.keyframe_cache.push(view.unwrap_as().ok_or_else(foreign)?)))
     }
 
     fn trains_on_the_host(&self) -> bool {
@@ -232,9 +232,9 @@ impl Device for GpuDevice {
         self.store.retain(&self.context, keep)
     }
 
-    fn reset_rf(&mut self, rf: &Appearance) -> Result<()> {
+    fn reset_radio(&mut self, radio: &Appearance) -> Result<()> {
         self.ready()?;
-        self.store.reset_rf(&self.context, rf)
+        self.store.reset_radio(&self.context, radio)
     }
 
     fn set_position_rate_m(&mut self, rate_m: f32) {

@@ -165,7 +165,7 @@ impl Params {
             p.pixel_total += size[0] * size[1];
             p.blocks_total += out.blocks * size[1].div_ceil(LOSS_BLOCK[1]);
         }
-        for (out, r) in p.rates.iter_mut().zip([&optimizer.optical, &optimizer.rf]) {
+        for (out, r) in p.rates.iter_mut().zip([&optimizer.light, &optimizer.radio]) {
             *out = RateParams { sh_dc: r.sh_dc, sh_rest: r.sh_dc / r.sh_rest_divisor, opacity: r.opacity, learnt: 0 };
         }
         p.position_rate = optimizer.position_rate_m;

@@ -12,7 +12,7 @@ use crate::{
         Planes, TrainingView,
         cpu::{
             geometry::{Grid, Pose},
-            pyramid::{check_view, rf_levels},
+            pyramid::{check_view, radio_levels},
         },
         mask::{mask_levels, usable_depths},
     },
@@ -49,7 +49,7 @@ pub(crate) struct Pyramid {
     pub pose: Pose,
     levels: Vec<Level>,
     /// Levels of the RF image; those beyond are its last one again.
-    rf_levels: usize,
+    radio_levels: usize,
 }
 
 /// A keyframe laid out for device memory; made on any thread.
@@ -171,7 +171,7 @@ struct Depths {
 impl Depths {
     fn new(view: &TrainingView) -> Option<Self> {
         let pairs = usable_depths(view)?.into_iter().map(<[f32; 2]>::from);
-        Some(Self { width: view.optical.width, height: view.optical.height, pairs: pairs.collect() })
+        Some(Self { width: view.light.width, height: view.light.height, pairs: pairs.collect() })
     }
 
     /// The next level: means weighted by confidences, and the means of those.
@@ -207,39 +207,39 @@ impl Packed {
     pub fn new(view: &TrainingView, levels: u32, antialias: Antialias) -> Result<Self> {
         let levels = levels.max(1);
         check_view(view, levels)?;
-        let rf_levels = rf_levels(view, levels);
-        let mut cameras = [view.optical_camera, view.rf_camera];
-        let mut images = [&view.optical, &view.rf].map(Image::new);
-        let mut of_rf = Target::default();
+        let radio_levels = radio_levels(view, levels);
+        let mut cameras = [view.light_camera, view.radio_camera];
+        let mut images = [&view.light, &view.radio].map(Image::new);
+        let mut of_radio = Target::default();
         let masks = mask_levels(view, levels);
         let mut depths = Depths::new(view);
         let mut words = vec![];
         let mut out = vec![];
         for level in 0..levels {
-            let has_rf = (level as usize) < rf_levels;
+            let has_radio = (level as usize) < radio_levels;
             if level > 0 {
-                for g in [Some(0), has_rf.then_some(1)].into_iter().flatten() {
+                for g in [Some(0), has_radio.then_some(1)].into_iter().flatten() {
                     (cameras[g], images[g]) = (cameras[g].downsampled(1), images[g].halved());
                 }
                 depths = depths.map(|d| d.halved());
             }
             let of_light = images[0].put(&mut words);
-            if has_rf {
-                of_rf = images[1].put(&mut words);
+            if has_radio {
+                of_radio = images[1].put(&mut words);
             }
-            let targets = [of_light, of_rf];
+            let targets = [of_light, of_radio];
             let depth_at = depths.as_ref().map(|d| d.put(&mut words));
             let mask_at = masks.as_ref().map(|m| put_mask(&m[level as usize], &mut words));
             out.push(Level { grids: cameras.map(|c| Grid::new(&c, antialias)), targets, depth_at, mask_at });
         }
-        Ok(Self { pyramid: Pyramid { pose: Pose::new(&view.world_from_camera), levels: out, rf_levels }, words })
+        Ok(Self { pyramid: Pyramid { pose: Pose::new(&view.world_from_camera), levels: out, radio_levels }, words })
     }
 }
 
 impl Pyramid {
     /// Levels of the optical image and of the RF image.
     pub fn levels(&self) -> [usize; 2] {
-        [self.levels.len(), self.rf_levels]
+        [self.levels.len(), self.radio_levels]
     }
 
     /// Whether any pixel of the optical image does not count.
@@ -293,9 +293,9 @@ mod tests {
     #[test]
     fn what_is_packed_is_what_the_processor_trains_on() {
         let mut rng = Rng::keyed(6, 0, 0);
-        let (optical_camera, rf_camera) =
+        let (light_camera, radio_camera) =
             (Pinhole::from_horizontal_fov(197, 102, 80.0), Pinhole::from_horizontal_fov(98, 93, 80.0));
-        for (bytes, rf_channels) in [(true, 1), (false, 3)] {
+        for (bytes, radio_channels) in [(true, 1), (false, 3)] {
             let mut planes = |c: &Pinhole, channels: usize, bytes: bool| Planes {
                 width: c.width,
                 height: c.height,
@@ -305,13 +305,20 @@ mod tests {
                     .map(|v| if bytes { f32::from(byte(v)) / 255.0 } else { v })
                     .collect(),
             };
-            let (optical, rf) = (planes(&optical_camera, 3, bytes), planes(&rf_camera, rf_channels, false));
+            let (light, radio) = (planes(&light_camera, 3, bytes), planes(&radio_camera, radio_channels, false));
             let mut map =
                 |unknown: f32| Raster::from_fn(197, 102, |_, _| if rng.uniform() < 0.2 { unknown } else { rng.uniform() });
             let inverse_depth = Some(InverseDepth { value: map(f32::NAN), confidence: map(0.0) });
             let mask = Some(Raster::from_fn(197, 102, |x, y| (x * y) % 37 != 1));
-            let view =
-                TrainingView { world_from_camera: Rigid3::IDENTITY, optical_camera, optical, rf_camera, rf, inverse_depth, mask };
+            let view = TrainingView {
+                world_from_camera: Rigid3::IDENTITY,
+                light_camera,
+                light,
+                radio_camera,
+                radio,
+                inverse_depth,
+                mask,
+            };
             let Packed { pyramid, words } = Packed::new(&view, 6, Antialias::On).unwrap();
             let truth = levels_of(&view, 6).unwrap();
             for (l, level) in pyramid.levels.iter().enumerate() {
@@ -351,10 +358,10 @@ mod tests {
         let words = |value: f32| {
             let view = TrainingView {
                 world_from_camera: Rigid3::IDENTITY,
-                optical_camera: camera,
-                optical: planes(value),
-                rf_camera: camera.downsampled(2),
-                rf: Planes { width: 40, height: 22, channels: 1, pixels: vec![0.3; 40 * 22] },
+                light_camera: camera,
+                light: planes(value),
+                radio_camera: camera.downsampled(2),
+                radio: Planes { width: 40, height: 22, channels: 1, pixels: vec![0.3; 40 * 22] },
                 inverse_depth: Some(InverseDepth { value: map(), confidence: map() }),
                 mask: None,
             };

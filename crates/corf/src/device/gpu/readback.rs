@@ -21,18 +21,19 @@ impl Store {
 
     /// The Gaussians with their optimiser.
     pub fn state(&self, context: &Context) -> Result<DeviceState> {
-        let [optical, rf] = self.harmonics.map(|h| h.words());
+        let [light, radio] = self.harmonics.map(|h| h.words());
         let n = self.len();
         let sources = [
             (&self.core.moment1.buffer, n * CORE),
             (&self.core.moment2.buffer, n * CORE),
-            (&self.sh[0].moments.buffer, 2 * n * optical),
-            (&self.sh[1].moments.buffer, 2 * n * rf),
+            (&self.sh[0].moments.buffer, 2 * n * light),
+            (&self.sh[1].moments.buffer, 2 * n * radio),
             (&self.position_rate.buffer, n),
         ];
         let mut read = context.read::<f32>("reading the optimiser back", &sources)?;
         let position_rate = read.pop().unwrap_or_default();
-        let moments = |which: usize| self.shaped(&read[which], [&parted(&read[2], which, optical), &parted(&read[3], which, rf)]);
+        let moments =
+            |which: usize| self.shaped(&read[which], [&parted(&read[2], which, light), &parted(&read[3], which, radio)]);
         Ok(DeviceState { gaussians: self.to_gaussians(context)?, moments: [moments(0), moments(1)], position_rate })
     }
 
@@ -45,7 +46,7 @@ impl Store {
             context.fill(&rows.buffer, 0, &cores(moments));
         }
         for (k, shape) in self.harmonics.into_iter().enumerate() {
-            let [first, second] = [first, second].map(|g| transposed([&g.optical, &g.rf][k], shape));
+            let [first, second] = [first, second].map(|g| transposed([&g.light, &g.radio][k], shape));
             context.fill(&self.sh[k].moments.buffer, 0, &joined(&first, &second, shape.words()));
         }
         context.fill(&self.position_rate.buffer, 0, &state.position_rate);
@@ -60,7 +61,7 @@ fn cores(g: &Gaussians) -> Vec<f32> {
         out.extend(g.position[i]);
         out.extend(g.rotation[i]);
         out.extend(g.log_scale[i]);
-        out.extend([g.optical.opacity_logit[i], g.rf.opacity_logit[i]]);
+        out.extend([g.light.opacity_logit[i], g.radio.opacity_logit[i]]);
     }
     out
 }
@@ -86,7 +87,7 @@ mod tests {
             g.position.push([(rng.uniform() - 0.5) * 4.0, (rng.uniform() - 0.5) * 3.0, 2.0 + rng.uniform()]);
             g.rotation.push([0; 4].map(|_| rng.normal() as f32));
             g.log_scale.push([0; 3].map(|_| -3.0 + rng.uniform()));
-            for a in [&mut g.optical, &mut g.rf] {
+            for a in [&mut g.light, &mut g.radio] {
                 a.opacity_logit.push(rng.uniform());
                 a.sh.extend((0..a.stride()).map(|_| rng.uniform() - 0.5));
             }
@@ -95,7 +96,7 @@ mod tests {
     }
 
     fn view() -> TrainingView {
-        let (optical_camera, rf_camera) =
+        let (light_camera, radio_camera) =
             (Pinhole::from_horizontal_fov(40, 30, 90.0), Pinhole::from_horizontal_fov(24, 16, 90.0));
         let planes = |c: &Pinhole, channels: usize| Planes {
             width: c.width,
@@ -105,10 +106,10 @@ mod tests {
         };
         TrainingView {
             world_from_camera: Rigid3::IDENTITY,
-            optical: planes(&optical_camera, 3),
-            optical_camera,
-            rf: planes(&rf_camera, 1),
-            rf_camera,
+            light: planes(&light_camera, 3),
+            light_camera,
+            radio: planes(&radio_camera, 1),
+            radio_camera,
             inverse_depth: None,
             mask: None,
         }
@@ -128,12 +129,12 @@ mod tests {
         let step = Step {
             view: ViewId(0),
             levels: [0; 2],
-            optical_weight: 1.0,
-            rf_weight: 0.5,
+            light_weight: 1.0,
+            radio_weight: 0.5,
             depth_weight: 0.0,
             train_geometry: true,
-            optical_background: [0.1, 0.2, 0.3],
-            rf_background: [0.0; 3],
+            light_background: [0.1, 0.2, 0.3],
+            radio_background: [0.0; 3],
         };
         let mut first = device(&g);
         first.upload(&view(), 2).unwrap();
@@ -152,7 +153,7 @@ mod tests {
         first.train(&[step; 5]).unwrap();
         second.train(&[step; 5]).unwrap();
         assert!(second.state().unwrap() == first.state().unwrap());
-        empty.optical.sh_degree = 2;
+        empty.light.sh_degree = 2;
         assert!(device(&empty).restore(&state).is_err(), "other harmonics");
     }
 }

@@ -26,14 +26,14 @@ struct Picture {
 
 impl GpuDevice {
     pub(super) fn render_request(&mut self, request: &RenderRequest) -> Result<Rendering> {
-        if request.main_contributor && request.optical.is_none() {
+        if request.main_contributor && request.light.is_none() {
             return Err(Error::invalid(
                 "render request",
                 "a main contributor without an optical view",
                 "ask for the optical view as well",
             ));
         }
-        let wanted = [request.optical, request.rf];
+        let wanted = [request.light, request.radio];
         for (view, _) in wanted.iter().flatten() {
             if view.camera.width == 0 || view.camera.height == 0 {
                 let what = format!("a camera of {}x{} pixels", view.camera.width, view.camera.height);
@@ -46,12 +46,12 @@ impl GpuDevice {
             [Some((a, _)), Some((b, _))] if a.world_from_camera == b.world_from_camera => {
                 self.render_together(wanted, request.main_contributor, &mut out)?;
             }
-            [optical, rf] => {
-                if optical.is_some() {
-                    self.render_together([optical, None], request.main_contributor, &mut out)?;
+            [light, radio] => {
+                if light.is_some() {
+                    self.render_together([light, None], request.main_contributor, &mut out)?;
                 }
-                if rf.is_some() {
-                    self.render_together([None, rf], false, &mut out)?;
+                if radio.is_some() {
+                    self.render_together([None, radio], false, &mut out)?;
                 }
             }
         }
@@ -81,13 +81,13 @@ impl GpuDevice {
             let (width, height) = (camera.width, camera.height);
             let layer = layer([width, height], self.store.harmonics[g].channels, &picture, first);
             if g == 0 {
-                out.optical = Some(layer);
+                out.light = Some(layer);
                 if name {
                     let names = picture.main_contributor[..width * height].to_vec();
                     out.main_contributor = Some(Raster::from_vec(width, height, names));
                 }
             } else {
-                out.rf = Some(layer);
+                out.radio = Some(layer);
             }
             first += width * height;
         }
@@ -101,7 +101,7 @@ impl GpuDevice {
     /// No memory, a lost device.
     pub fn draw(&mut self, requests: &[RenderRequest]) -> Result<()> {
         self.ready()?;
-        let mut frames: Vec<Params> = requests.iter().filter_map(|r| self.frame([r.optical, r.rf], false)).collect();
+        let mut frames: Vec<Params> = requests.iter().filter_map(|r| self.frame([r.light, r.radio], false)).collect();
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, ..Extent::default() };
         frames.iter().for_each(|p| extent.include(p, &self.shapes));

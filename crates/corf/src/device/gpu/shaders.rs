@@ -342,8 +342,8 @@ impl Fixed {
     }
 
     /// The rest of a dense step that renders modality `g` alone.
-    pub fn coast(&self, g: usize) -> String {
-        self.head() + &self.sizes(g, "") + ADAM + MARK + include_str!("shaders/coast.wgsl")
+    pub fn momentum(&self, g: usize) -> String {
+        self.head() + &self.sizes(g, "") + ADAM + MARK + include_str!("shaders/momentum.wgsl")
     }
 }
 

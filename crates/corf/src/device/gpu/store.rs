@@ -107,7 +107,7 @@ impl Store {
     /// No Gaussians yet, with the channels and degrees of `like`.
     pub fn new(context: &Context, like: &Gaussians) -> Result<Self> {
         like.check_colours()?;
-        let harmonics = [HarmonicsShape::of(&like.optical), HarmonicsShape::of(&like.rf)];
+        let harmonics = [HarmonicsShape::of(&like.light), HarmonicsShape::of(&like.radio)];
         let capacity = 1;
         Ok(Self {
             core: Trained::new(context, "geometry", CORE, capacity)?,
@@ -194,10 +194,10 @@ impl Store {
             core.extend(new.position[i]);
             core.extend(new.rotation[i]);
             core.extend(new.log_scale[i]);
-            core.extend([new.optical.opacity_logit[i], new.rf.opacity_logit[i]]);
+            core.extend([new.light.opacity_logit[i], new.radio.opacity_logit[i]]);
         }
         self.extend(context, &core, |store, first| {
-            for ((sh, shape), a) in store.sh.iter().zip(store.harmonics).zip([&new.optical, &new.rf]) {
+            for ((sh, shape), a) in store.sh.iter().zip(store.harmonics).zip([&new.light, &new.radio]) {
                 context.fill(&sh.value.buffer, sh.value.bytes(first), &transposed(a, shape));
             }
             Ok(())
@@ -280,10 +280,10 @@ impl Store {
     }
 
     /// Replaces the RF appearance and its optimiser state, whose channels and degree stay as they are.
-    pub fn reset_rf(&mut self, context: &Context, rf: &Appearance) -> Result<()> {
-        rf.check_complete("RF appearance", self.len, held(self.harmonics[1]))?;
+    pub fn reset_radio(&mut self, context: &Context, radio: &Appearance) -> Result<()> {
+        radio.check_complete("RF appearance", self.len, held(self.harmonics[1]))?;
         let sh = &self.sh[1];
-        context.fill(&sh.value.buffer, 0, &transposed(rf, self.harmonics[1]));
+        context.fill(&sh.value.buffer, 0, &transposed(radio, self.harmonics[1]));
         let mut encoder = context.encoder();
         encoder.clear_buffer(&sh.moments.buffer, 0, None);
         context.submit(encoder);
@@ -293,7 +293,7 @@ impl Store {
         let mut read = context.read::<f32>("starting the second stage", &sources)?;
         for (n, (rows, values)) in [&c.value, &c.moment1, &c.moment2].into_iter().zip(&mut read).enumerate() {
             for (i, row) in values.chunks_exact_mut(CORE).enumerate() {
-                row[CORE - 1] = if n == 0 { rf.opacity_logit[i] } else { 0.0 };
+                row[CORE - 1] = if n == 0 { radio.opacity_logit[i] } else { 0.0 };
             }
             context.queue.write_buffer(&rows.buffer, 0, bytemuck::cast_slice(values));
         }
@@ -328,8 +328,8 @@ impl Store {
             position: core.iter().map(|r| [r[0], r[1], r[2]]).collect(),
             rotation: core.iter().map(|r| [r[3], r[4], r[5], r[6]]).collect(),
             log_scale: core.iter().map(|r| [r[7], r[8], r[9]]).collect(),
-            optical: appearance(0),
-            rf: appearance(1),
+            light: appearance(0),
+            radio: appearance(1),
         }
     }
 

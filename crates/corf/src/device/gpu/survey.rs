@@ -210,7 +210,7 @@ mod tests {
             );
             g.rotation.push([1.0, 0.2, 0.0, 0.1]);
             g.log_scale.push([0; 3].map(|_| if i % 20 == 0 { 0.8 * rng.uniform() } else { -3.0 + rng.uniform() }));
-            for a in [&mut g.optical, &mut g.rf] {
+            for a in [&mut g.light, &mut g.radio] {
                 a.opacity_logit.push(6.0 * rng.uniform() - 4.0);
                 a.sh.extend((0..a.stride()).map(|_| 3.0 * rng.uniform() - 1.5));
             }
@@ -223,7 +223,7 @@ mod tests {
             let prune = PruneRule { opacity: 0.3, both_modalities, image_fraction: 0.3 };
             let request = SurveyRequest { view, sigma_px, pixels: &pixels, prune };
             let found = device.survey(&request).unwrap();
-            let wanted = RenderRequest { optical: Some((view, [0.0; 3])), rf: None, main_contributor: true };
+            let wanted = RenderRequest { light: Some((view, [0.0; 3])), radio: None, main_contributor: true };
             let truth = Survey::of(&device.render(&wanted).unwrap(), &device.outlines().unwrap(), &request);
             assert_eq!((found.shown.len(), found.judged.len()), (pixels.len(), 1003));
             for (a, b) in found.shown.iter().zip(&truth.shown) {

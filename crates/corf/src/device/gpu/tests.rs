@@ -17,7 +17,7 @@ fn cloud(n: usize) -> Gaussians {
         g.position.push([rng.uniform() - 0.5, rng.uniform() - 0.5, 2.0 + rng.uniform()]);
         g.rotation.push([1.0, 0.0, 0.0, 0.0]);
         g.log_scale.push([-2.0; 3]);
-        for a in [&mut g.optical, &mut g.rf] {
+        for a in [&mut g.light, &mut g.radio] {
             a.opacity_logit.push(0.0);
             let stride = a.stride();
             a.sh.extend((0..stride).map(|_| 0.2 * rng.normal() as f32));
@@ -34,10 +34,10 @@ fn device(n: usize) -> Option<GpuDevice> {
         Planes { width: CAMERA.width, height: CAMERA.height, channels: 3, pixels: vec![0.5; 3 * CAMERA.width * CAMERA.height] };
     let view = TrainingView {
         world_from_camera: Rigid3::IDENTITY,
-        optical_camera: CAMERA,
-        optical: gray.clone(),
-        rf_camera: CAMERA,
-        rf: gray,
+        light_camera: CAMERA,
+        light: gray.clone(),
+        radio_camera: CAMERA,
+        radio: gray,
         inverse_depth: None,
         mask: None,
     };
@@ -49,18 +49,18 @@ fn step() -> Step {
     Step {
         view: ViewId(0),
         levels: [0; 2],
-        optical_weight: 1.0,
-        rf_weight: 1.0,
+        light_weight: 1.0,
+        radio_weight: 1.0,
         depth_weight: 0.0,
         train_geometry: true,
-        optical_background: [0.0; 3],
-        rf_background: [0.0; 3],
+        light_background: [0.0; 3],
+        radio_background: [0.0; 3],
     }
 }
 
 fn request() -> RenderRequest {
     let view = View { camera: CAMERA, world_from_camera: Rigid3::IDENTITY };
-    RenderRequest { optical: Some((view, [0.0; 3])), rf: None, main_contributor: false }
+    RenderRequest { light: Some((view, [0.0; 3])), radio: None, main_contributor: false }
 }
 
 #[test]
@@ -115,7 +115,7 @@ fn rows_are_the_same_gathered_in_pieces_or_at_once() {
     }
     let (whole, pieces) = (whole.state().unwrap(), pieces.state().unwrap());
     assert!(whole == pieces && whole.position_rate.len() == keep.iter().filter(|k| **k).count());
-    assert!(whole.moments.iter().all(|m| m.optical.sh.iter().chain(&m.rf.sh).any(|v| *v != 0.0)));
+    assert!(whole.moments.iter().all(|m| m.light.sh.iter().chain(&m.radio.sh).any(|v| *v != 0.0)));
 }
 
 /// The numbers of Gaussians for which the adapter binds every array: moments of harmonics take most, twice twelve words a Gaussian.
@@ -219,7 +219,7 @@ fn a_lost_device_says_so_whatever_is_asked_of_it() {
     lost(device.gaussians().unwrap_err().to_string());
     lost(device.append(&cloud(3)).unwrap_err().to_string());
     lost(device.retain(&[false; 100]).unwrap_err().to_string());
-    lost(device.reset_rf(&cloud(100).rf).unwrap_err().to_string());
+    lost(device.reset_radio(&cloud(100).radio).unwrap_err().to_string());
     lost(device.outlines().unwrap_err().to_string());
     lost(device.state().unwrap_err().to_string());
     assert_eq!(device.len(), 100, "what an error says is not done is not done");

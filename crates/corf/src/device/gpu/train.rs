@@ -65,14 +65,14 @@ pub(crate) struct Batch {
 impl GpuDevice {
     pub(super) fn plan_step(&self, step: &Step, optimizer: &OptimizerConfig) -> Result<Planned> {
         let place = || format!("training step for view {}", step.view.0);
-        let Some(pyramid) = self.shelf.get(step.view.0) else {
-            let what = format!("this device holds {} views", self.shelf.len());
+        let Some(pyramid) = self.keyframe_cache.get(step.view.0) else {
+            let what = format!("this device holds {} views", self.keyframe_cache.len());
             return Err(Error::invalid(place(), what, "upload the view to the device that trains on it"));
         };
         let at = step.levels.map(|l| l as usize);
         check_levels(step.levels, pyramid.levels())
             .map_err(|what| Error::invalid(place(), what, "upload the view with more levels, or train on a lower one"))?;
-        let weights = [step.optical_weight, step.rf_weight];
+        let weights = [step.light_weight, step.radio_weight];
         if [weights[0], weights[1], step.depth_weight].iter().any(|w| !(w.is_finite() && *w >= 0.0)) {
             let what = format!("loss weights {:?}", [weights[0], weights[1], step.depth_weight]);
             return Err(Error::invalid(place(), what, "give finite weights ≥ 0"));
@@ -83,7 +83,7 @@ impl GpuDevice {
                 *grid = None;
             }
         }
-        let backgrounds = [step.optical_background, step.rf_background];
+        let backgrounds = [step.light_background, step.radio_background];
         let of_shape = |shape: usize| {
             let (tile, near_m) = (self.shapes[shape].tile, self.raster.near_m);
             let mut p = Params::new(&pyramid.pose, &grids, backgrounds, near_m, self.store.len(), optimizer, tile);
@@ -229,7 +229,7 @@ impl GpuDevice {
 
     /// Records and submits steps.
     fn submit(&mut self, steps: &[Planned], destination: Destination<'_>) -> Result<()> {
-        self.shelf.announce(steps.iter().map(|s| s.view.0));
+        self.keyframe_cache.announce(steps.iter().map(|s| s.view.0));
         let context = &self.context;
         let uniforms = Uniforms::new(context, steps.iter().map(|s| &s.params))?;
         let uniform = &uniforms.buffer;
@@ -243,7 +243,7 @@ impl GpuDevice {
         while done < steps.len() {
             let some = &steps[done..steps.len().min(done + many)];
             let views: Vec<usize> = some.iter().map(|s| s.view.0).collect();
-            let some = &some[..self.shelf.bring(context, &views)?];
+            let some = &some[..self.keyframe_cache.bring(context, &views)?];
             self.bind_losses(uniform, some, &mut losses)?;
             let clock = if self.timing { Some(Clock::new(context, some.len())?) } else { None };
             let mut encoder = context.encoder();
@@ -261,10 +261,10 @@ impl GpuDevice {
                     mark(&mut pass);
                     forward.record(&mut pass, &step.params, offset, n, m, &mut mark);
                     training.record(&mut pass, step, losses.get(&step.view.0), offset, m, &mut mark);
-                    if let Some(coast) = &training.coast {
+                    if let Some(momentum) = &training.momentum {
                         let g = usize::from(step.params.grids[1].size[0] > 0);
                         let words = n * (CORE + self.store.harmonics[g].words()) / 4;
-                        coast[g].run(&mut pass, offset, words.div_ceil(256) as u32);
+                        momentum[g].run(&mut pass, offset, words.div_ceil(256) as u32);
                     }
                     mark(&mut pass);
                 }
@@ -288,8 +288,8 @@ impl GpuDevice {
     /// Those of [`Device::train`](crate::Device::train).
     pub fn gradients(&mut self, step: &Step) -> Result<(StepReport, Gaussians)> {
         self.ready()?;
-        let [optical, rf] = self.store.harmonics.map(HarmonicsShape::words);
-        let sizes = [CORE, optical, rf].map(|words| (4 * words * self.store.len()) as u64);
+        let [light, radio] = self.store.harmonics.map(HarmonicsShape::words);
+        let sizes = [CORE, light, radio].map(|words| (4 * words * self.store.len()) as u64);
         let mut gradients = vec![];
         let mut encoder = self.context.encoder();
         for size in sizes {
@@ -335,9 +335,9 @@ fn report_of(p: &Params, visible: usize, blocks: &[u32], ssim_weight: f32) -> St
         let [similarity, difference, _] = sums[g];
         ((1.0 - gamma) * difference / values + gamma * (1.0 - similarity / values)) as f32
     };
-    let optical_pixels = f64::from(p.grids[0].size[0]) * f64::from(p.grids[0].size[1]);
-    let depth_loss = if p.grids[0].depth_scale > 0.0 { (sums[0][2] / optical_pixels) as f32 } else { 0.0 };
-    StepReport { optical_loss: loss(0), rf_loss: loss(1), depth_loss, visible }
+    let light_pixels = f64::from(p.grids[0].size[0]) * f64::from(p.grids[0].size[1]);
+    let depth_loss = if p.grids[0].depth_scale > 0.0 { (sums[0][2] / light_pixels) as f32 } else { 0.0 };
+    StepReport { light_loss: loss(0), radio_loss: loss(1), depth_loss, visible }
 }
 
 /// Timestamps around the stages of some steps.

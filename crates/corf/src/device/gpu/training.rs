@@ -77,7 +77,7 @@ pub(super) struct BoundTraining {
     /// Appearance, geometry.
     update: [Bound; 2],
     /// Of dense steps: light, RF.
-    pub coast: Option<[Bound; 2]>,
+    pub momentum: Option<[Bound; 2]>,
 }
 
 /// The loss kernels with a keyframe, where it is at present.
@@ -133,7 +133,7 @@ impl GpuDevice {
     pub(super) fn bind_training(
         &self,
         uniform: &wgpu::Buffer,
-        [core, of_light, of_rf]: [&wgpu::Buffer; 3],
+        [core, of_light, of_radio]: [&wgpu::Buffer; 3],
         destination: Destination<'_>,
     ) -> Result<BoundTraining> {
         let (m, s, t, context) = (&self.memory, &self.store, &self.training, &self.context);
@@ -158,9 +158,9 @@ impl GpuDevice {
             }
         };
         let (numbers, sums, directions) = (&m.gaussian_of.buffer, &m.ellipse_sums.buffer, &m.directions.buffer);
-        let (optical, rf) = ([of_light, &s.sh[0].moments.buffer], [of_rf, &s.sh[1].moments.buffer]);
+        let (light, radio) = ([of_light, &s.sh[0].moments.buffer], [of_radio, &s.sh[1].moments.buffer]);
         let read = [uniform, &m.state, numbers, &m.drawn.buffer, records[0], records[1], splats, core];
-        let mut appearance_buffers = [&read[..], &optical[..], &rf[..], &[sums, directions]].concat();
+        let mut appearance_buffers = [&read[..], &light[..], &radio[..], &[sums, directions]].concat();
         if let Destination::Written([_, light, radio]) | Destination::Noted([_, light, radio]) = destination {
             appearance_buffers.extend([light, radio]);
         }
@@ -169,12 +169,13 @@ impl GpuDevice {
         if matches!(destination, Destination::Dense | Destination::Noted(_)) {
             geometry_buffers.push(marks);
         }
-        let coast = |kernel: &Kernel, [value, moments]: [&wgpu::Buffer; 2]| {
+        let momentum = |kernel: &Kernel, [value, moments]: [&wgpu::Buffer; 2]| {
             bind(kernel, &[uniform, &m.state, marks, rates, core, &s.core.moment1.buffer, second, value, moments])
         };
-        let coast = dense.map(|d| Ok::<_, Error>([coast(&d.coast[0], optical)?, coast(&d.coast[1], rf)?])).transpose()?;
+        let momentum =
+            dense.map(|d| Ok::<_, Error>([momentum(&d.momentum[0], light)?, momentum(&d.momentum[1], radio)?])).transpose()?;
         Ok(BoundTraining {
-            coast,
+            momentum,
             backward: t.backward.iter().map(of_shape).collect::<Result<_>>()?,
             update: [bind(appearance, &appearance_buffers)?, bind(geometry, &geometry_buffers)?],
         })
@@ -190,12 +191,12 @@ impl GpuDevice {
         let (m, t) = (&self.memory, &self.training);
         let (image, derivatives, gradient) = (&m.image.buffer, &m.derivatives.buffer, &m.gradient.buffer);
         let losses = &m.block_losses.buffer;
-        bound.retain(|view, loss| self.shelf.place(*view).is_some_and(|(_, placing)| placing == loss.placing));
+        bound.retain(|view, loss| self.keyframe_cache.place(*view).is_some_and(|(_, placing)| placing == loss.placing));
         for view in steps.iter().map(|s| s.view.0) {
-            if let (false, Some((target, placing))) = (bound.contains_key(&view), self.shelf.place(view)) {
+            if let (false, Some((target, placing))) = (bound.contains_key(&view), self.keyframe_cache.place(view)) {
                 let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(&self.context, params::SIZE, buffers);
                 let similarity = bind(&t.similarity, &[uniform, image, target, derivatives, losses])?;
-                let has_mask = self.shelf.get(view).is_some_and(Pyramid::has_mask);
+                let has_mask = self.keyframe_cache.get(view).is_some_and(Pyramid::has_mask);
                 let [take_target, clear_gradient] = &t.left_out;
                 let left_out = || {
                     let take_target = bind(take_target, &[uniform, target, image])?;

@@ -37,10 +37,10 @@ pub struct SingleModality {
 impl SingleModality {
     /// One half of coupled Gaussians.
     pub fn of(gaussians: Gaussians, modality: Modality) -> Self {
-        let Gaussians { position, rotation, log_scale, optical, rf } = gaussians;
+        let Gaussians { position, rotation, log_scale, light, radio } = gaussians;
         let appearance = match modality {
-            Modality::Optical => optical,
-            Modality::Rf => rf,
+            Modality::Light => light,
+            Modality::Radio => radio,
         };
         Self { position, rotation, log_scale, appearance }
     }
@@ -65,37 +65,37 @@ pub struct ForeignField {
 ///
 /// # Errors
 /// When the file cannot be written; nothing is left behind under its name then.
-pub fn write_optical(path: &Path, gaussians: &Gaussians, notes: &Notes) -> Result<()> {
-    let comments = notes.comments(&gaussians.optical, false);
-    write(path, Rows::of(gaussians), &[("", &gaussians.optical)], &comments)
+pub fn write_light(path: &Path, gaussians: &Gaussians, notes: &Notes) -> Result<()> {
+    let comments = notes.comments(&gaussians.light, false);
+    write(path, Rows::of(gaussians), &[("", &gaussians.light)], &comments)
 }
 
 /// Writes geometry and RF appearance (`rf.ply`); a scalar field has the one channel `f_dc_0`.
 ///
 /// # Errors
-/// Those of [`write_optical`].
-pub fn write_rf(path: &Path, gaussians: &Gaussians, notes: &Notes) -> Result<()> {
-    write(path, Rows::of(gaussians), &[("", &gaussians.rf)], &notes.comments(&gaussians.rf, true))
+/// Those of [`write_light`].
+pub fn write_radio(path: &Path, gaussians: &Gaussians, notes: &Notes) -> Result<()> {
+    write(path, Rows::of(gaussians), &[("", &gaussians.radio)], &notes.comments(&gaussians.radio, true))
 }
 
 /// Writes geometry and both appearances (`coupled.ply`).
 ///
 /// # Errors
-/// Those of [`write_optical`].
+/// Those of [`write_light`].
 pub fn write_coupled(path: &Path, gaussians: &Gaussians, notes: &Notes) -> Result<()> {
-    let mut comments = notes.comments(&gaussians.optical, false);
-    comments.push(format!("SH degree of rf_f_dc: {}", gaussians.rf.sh_degree));
+    let mut comments = notes.comments(&gaussians.light, false);
+    comments.push(format!("SH degree of rf_f_dc: {}", gaussians.radio.sh_degree));
     comments.extend(notes.radio("rf_"));
-    write(path, Rows::of(gaussians), &[("", &gaussians.optical), ("rf_", &gaussians.rf)], &comments)
+    write(path, Rows::of(gaussians), &[("", &gaussians.light), ("rf_", &gaussians.radio)], &comments)
 }
 
 /// Writes one modality.
 ///
 /// # Errors
-/// Those of [`write_optical`].
+/// Those of [`write_light`].
 pub fn write_single(path: &Path, field: &SingleModality, modality: Modality, notes: &Notes) -> Result<()> {
     let rows = Rows { position: &field.position, rotation: &field.rotation, log_scale: &field.log_scale };
-    write(path, rows, &[("", &field.appearance)], &notes.comments(&field.appearance, modality == Modality::Rf))
+    write(path, rows, &[("", &field.appearance)], &notes.comments(&field.appearance, modality == Modality::Radio))
 }
 
 /// Reads a file of one modality; further columns are ignored, so a coupled file gives its optical half.
@@ -157,12 +157,12 @@ const LARGEST_LOG_SCALE: f32 = 40.0;
 pub fn read_coupled(path: &Path) -> Result<Gaussians> {
     let table = Table::read(path)?;
     let (position, rotation, log_scale) = table.geometry()?;
-    let optical = table.appearance("")?;
-    if optical.channels != 3 {
-        let what = format!("the optical colour has {} channel(s)", optical.channels);
+    let light = table.appearance("")?;
+    if light.channels != 3 {
+        let what = format!("the optical colour has {} channel(s)", light.channels);
         return Err(table.invalid(what, "a coupled file has three: f_dc_0, f_dc_1, f_dc_2"));
     }
-    Ok(Gaussians { position, rotation, log_scale, optical, rf: table.appearance("rf_")? })
+    Ok(Gaussians { position, rotation, log_scale, light, radio: table.appearance("rf_")? })
 }
 
 /// The columns of an appearance before and after the opacity's place.

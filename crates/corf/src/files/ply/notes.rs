@@ -1,6 +1,6 @@
 //! Comments of a header: how its Gaussians are to be drawn.
 
-use crate::{Antialias, Appearance, RfTarget};
+use crate::{Antialias, Appearance, RadioTarget};
 use corf_scene::keyframe::DbRange;
 
 /// How Gaussians are to be drawn. Programs that draw splats read the first three lines that this becomes (`SplatRenderMode`, `Vertical axis` and
@@ -12,11 +12,11 @@ pub struct Notes {
     /// Upward axis of the file's frame.
     pub up: [i8; 3],
     /// Encoding of the RF colours.
-    pub rf_target: RfTarget,
+    pub radio_target: RadioTarget,
     /// Levels of scalar 0 and 1 of the RF colours, dB.
     pub db_range: DbRange,
     /// Colour behind the RF field.
-    pub rf_background: [f32; 3],
+    pub radio_background: [f32; 3],
     /// What the data set took off positions, metres along the z-up world's axes.
     pub offset_m: Option<[f64; 3]>,
 }
@@ -60,11 +60,11 @@ impl Notes {
     /// Comments on the RF colours, of columns that begin with `prefix`.
     pub(super) fn radio(&self, prefix: &str) -> [String; 2] {
         let DbRange { min_db, max_db } = self.db_range;
-        let channels = &self.rf_background[..self.rf_target.channels()];
+        let channels = &self.radio_background[..self.radio_target.channels()];
         let background: Vec<String> = channels.iter().map(f32::to_string).collect();
-        let encoding = match self.rf_target {
-            RfTarget::Jet => "Jet colour",
-            RfTarget::Db => "one channel, 0 to 1",
+        let encoding = match self.radio_target {
+            RadioTarget::Jet => "Jet colour",
+            RadioTarget::Db => "one channel, 0 to 1",
         };
         [
             format!("corf colour of {prefix}f_dc: {encoding} of 10 log10 of power, {min_db} to {max_db} dB"),

@@ -1,13 +1,13 @@
 use super::*;
-use crate::{Antialias, RfTarget};
+use crate::{Antialias, RadioTarget};
 use corf_scene::{Rng, keyframe::DbRange};
 
 const NOTES: Notes = Notes {
     antialias: Antialias::On,
     up: [0, 0, 1],
-    rf_target: RfTarget::Jet,
+    radio_target: RadioTarget::Jet,
     db_range: DbRange { min_db: -130.0, max_db: -60.0 },
-    rf_background: [0.0, 0.0, 0.5],
+    radio_background: [0.0, 0.0, 0.5],
     offset_m: None,
 };
 
@@ -21,17 +21,17 @@ fn header_of(bytes: &[u8]) -> Vec<String> {
     String::from_utf8(bytes[..end].to_vec()).unwrap().lines().map(String::from).collect()
 }
 
-fn random(n: usize, rf_channels: usize, optical_degree: usize, rf_degree: usize) -> Gaussians {
+fn random(n: usize, radio_channels: usize, light_degree: usize, radio_degree: usize) -> Gaussians {
     let mut rng = Rng::keyed(1, 2, 3);
-    let mut g = Gaussians::empty(rf_channels, optical_degree);
-    g.rf = Appearance::empty(rf_channels, rf_degree);
+    let mut g = Gaussians::empty(radio_channels, light_degree);
+    g.radio = Appearance::empty(radio_channels, radio_degree);
     let mut draw = |n: usize| (0..n).map(|_| rng.uniform() - 0.5).collect::<Vec<f32>>();
     for _ in 0..n {
         let d = draw(10);
         g.position.push([d[0], d[1], d[2]]);
         g.rotation.push([d[3], d[4], d[5], d[6]]);
         g.log_scale.push([d[7], d[8], d[9]]);
-        for a in [&mut g.optical, &mut g.rf] {
+        for a in [&mut g.light, &mut g.radio] {
             a.opacity_logit.extend(draw(1));
             a.sh.extend(draw(a.stride()));
         }
@@ -42,15 +42,15 @@ fn random(n: usize, rf_channels: usize, optical_degree: usize, rf_degree: usize)
 #[test]
 fn coupled_files_round_trip_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
-    for (rf_channels, optical_degree, rf_degree) in [(3, 3, 3), (1, 2, 3), (1, 0, 0), (3, 0, 1)] {
-        let g = random(17, rf_channels, optical_degree, rf_degree);
+    for (radio_channels, light_degree, radio_degree) in [(3, 3, 3), (1, 2, 3), (1, 0, 0), (3, 0, 1)] {
+        let g = random(17, radio_channels, light_degree, radio_degree);
         let path = folder.path().join("coupled.ply");
         write_coupled(&path, &g, &NOTES).unwrap();
         assert_eq!(read_coupled(&path).unwrap(), g);
-        let optical = read_single(&path).unwrap();
-        assert_eq!((optical.position, optical.appearance), (g.position.clone(), g.optical.clone()));
-        write_rf(&path, &g, &NOTES).unwrap();
-        assert_eq!(read_single(&path).unwrap().appearance, g.rf);
+        let light = read_single(&path).unwrap();
+        assert_eq!((light.position, light.appearance), (g.position.clone(), g.light.clone()));
+        write_radio(&path, &g, &NOTES).unwrap();
+        assert_eq!(read_single(&path).unwrap().appearance, g.radio);
         let error = read_coupled(&path).unwrap_err().to_string();
         assert!(error.contains("channel") || error.contains("rf_f_dc_0"), "{error}");
     }
@@ -63,7 +63,7 @@ fn the_columns_are_those_of_the_reference_implementation_and_channel_major() {
     let folder = tempfile::tempdir().unwrap();
     let g = random(2, 1, 1, 0);
     let path = folder.path().join("optical.ply");
-    write_optical(&path, &g, &NOTES).unwrap();
+    write_light(&path, &g, &NOTES).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     let header = std::str::from_utf8(&bytes[..end]).unwrap();
@@ -77,9 +77,9 @@ fn the_columns_are_those_of_the_reference_implementation_and_channel_major() {
         f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
     };
     // Second coefficient of the green channel of Gaussian 1: channel-major slot 3.
-    assert_eq!(value(1, "f_rest_3"), g.optical.sh[g.optical.stride() + 3 + 1]);
+    assert_eq!(value(1, "f_rest_3"), g.light.sh[g.light.stride() + 3 + 1]);
     assert_eq!(value(1, "rot_0"), g.rotation[1][0]);
-    assert_eq!(value(0, "opacity"), g.optical.opacity_logit[0]);
+    assert_eq!(value(0, "opacity"), g.light.opacity_logit[0]);
 }
 
 #[test]
@@ -137,7 +137,7 @@ fn headers_say_how_the_gaussians_are_to_be_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let (path, g) = (folder.path().join("field.ply"), random(3, 3, 1, 2));
     let says = |line: &str| header(&path).iter().any(|l| l == line);
-    write_rf(&path, &g, &NOTES).unwrap();
+    write_radio(&path, &g, &NOTES).unwrap();
     for line in [
         "comment SplatRenderMode: mip",
         "comment Vertical axis: 0 0 1",
@@ -152,7 +152,7 @@ fn headers_say_how_the_gaussians_are_to_be_drawn() {
     assert!(says("comment SplatRenderMode: default") && says("comment SH degree: 1") && says("comment SH degree of rf_f_dc: 2"));
     assert!(says("comment corf background of rf_f_dc: 0 0 0.5"));
     assert_eq!(read_foreign(&path).unwrap().antialiased, Some(false));
-    write_optical(&path, &g, &NOTES).unwrap();
+    write_light(&path, &g, &NOTES).unwrap();
     assert!(!header(&path).iter().any(|l| l.contains("background")));
 
     // A file of before there were comments is read as it was.
@@ -171,7 +171,7 @@ fn fields_of_other_programs_are_refused_with_what_is_wrong() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("theirs.ply");
     let refused = |g: &Gaussians| {
-        write_optical(&path, g, &NOTES).unwrap();
+        write_light(&path, g, &NOTES).unwrap();
         read_foreign(&path).unwrap_err().to_string()
     };
     assert!(refused(&random(0, 1, 0, 0)).contains("no Gaussians"));
@@ -181,7 +181,7 @@ fn fields_of_other_programs_are_refused_with_what_is_wrong() {
     let mut metres = random(3, 1, 0, 0);
     metres.log_scale[1] = [1.0, 50.0, 1.0];
     assert!(refused(&metres).contains("vertex 1: scale_0"));
-    write_rf(&path, &random(3, 1, 0, 0), &NOTES).unwrap();
+    write_radio(&path, &random(3, 1, 0, 0), &NOTES).unwrap();
     assert!(read_foreign(&path).unwrap_err().to_string().contains("1 channel"));
 }
 
@@ -392,7 +392,7 @@ fn a_header_says_what_is_up_and_what_was_taken_off() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("field.ply");
     let notes = Notes { up: [0, -1, 0], offset_m: Some([446_000.0, -3.5, 0.0]), ..NOTES };
-    write_optical(&path, &random(2, 3, 0, 0), &notes).unwrap();
+    write_light(&path, &random(2, 3, 0, 0), &notes).unwrap();
     assert!(header(&path).iter().any(|l| l.starts_with("comment corf offset: 446000 -3.5 0 m")));
     assert_eq!(read_foreign(&path).unwrap().up, Some([0.0, -1.0, 0.0]));
 }

@@ -129,10 +129,10 @@ impl<'a> LightCache<'a> {
     pub fn new(
         tracer: &'a LightTracer<'a>,
         settings: &CacheSettings,
-        tell: &(dyn Fn(usize, usize) -> bool + Sync),
+        report: &(dyn Fn(usize, usize) -> bool + Sync),
     ) -> Option<Self> {
         let mut cache = Self::unsolved(tracer, settings);
-        cache.coarse = solve::solve(tracer, &cache.charts, cache.coarse.spacing_m(), settings, tell)?;
+        cache.coarse = solve::solve(tracer, &cache.charts, cache.coarse.spacing_m(), settings, report)?;
         cache.settle();
         Some(cache)
     }

@@ -154,7 +154,7 @@ impl LightTracer<'_> {
         let [a, b, c] = self.scene.corners(hit.triangle as usize);
         let from_back = (b - a).cross(c - a).dot(ray.direction) > 0.0;
         let material = self.scene.triangles[hit.triangle as usize].material as usize;
-        hit.t < near_m || from_back && !self.scene.materials[material].optical.double_sided
+        hit.t < near_m || from_back && !self.scene.materials[material].light.double_sided
     }
 }
 

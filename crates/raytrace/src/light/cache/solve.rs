@@ -47,7 +47,7 @@ pub(super) fn solve(
     charts: &Charts,
     spacing_m: f32,
     settings: &CacheSettings,
-    tell: &(dyn Fn(usize, usize) -> bool + Sync),
+    report: &(dyn Fn(usize, usize) -> bool + Sync),
 ) -> Option<Field> {
     let mut field = Field::new(charts, spacing_m);
     let keys: Vec<_> = (0..field.len()).map(|i| field.key_of(charts, i)).collect();
@@ -64,7 +64,7 @@ pub(super) fn solve(
     let stopped = AtomicBool::new(false);
     let step = || {
         let now = 1 + done.fetch_add(1, Ordering::Relaxed);
-        if now.is_multiple_of(256) && !tell(now, all) {
+        if now.is_multiple_of(256) && !report(now, all) {
             stopped.store(true, Ordering::Relaxed);
         }
         !stopped.load(Ordering::Relaxed)

@@ -96,7 +96,7 @@ pub(super) fn page_size(context: &Context) -> PageSize {
 
 impl<'a> Lattices<'a> {
     /// Brings a scene's cache to the GPU and solves its coarse lattice; `None` where `tell` said no.
-    pub fn new(gpu: &GpuLight<'_>, packed: Packed<'a>, tell: &dyn Fn(usize, usize) -> bool) -> Result<Option<Self>> {
+    pub fn new(gpu: &GpuLight<'_>, packed: Packed<'a>, report: &dyn Fn(usize, usize) -> bool) -> Result<Option<Self>> {
         let context = &gpu.context;
         let page = page_size(context);
         let [charts, members] = packed.chart_words(&gpu.scene.place_of);
@@ -120,7 +120,7 @@ impl<'a> Lattices<'a> {
             bound: None,
             packed,
         };
-        Ok(lattices.solve(gpu, tell)?.then_some(lattices))
+        Ok(lattices.solve(gpu, report)?.then_some(lattices))
     }
 
     /// Light below this counts as this much where cells are judged.
@@ -150,7 +150,7 @@ impl<'a> Lattices<'a> {
     /// Solves the coarse lattice: direct light and walks here, what they pass on on the processor. `tell` is told how many of how
     /// many tiles are done; when it
     /// answers `false`, the work is given up and so is the answer.
-    fn solve(&mut self, gpu: &GpuLight<'_>, tell: &dyn Fn(usize, usize) -> bool) -> Result<bool> {
+    fn solve(&mut self, gpu: &GpuLight<'_>, report: &dyn Fn(usize, usize) -> bool) -> Result<bool> {
         let context = &gpu.context;
         let settings = *self.packed.settings();
         let walks = settings.coarse_walks.max(1);
@@ -201,7 +201,7 @@ impl<'a> Lattices<'a> {
         let mut found: Vec<u32> = Vec::with_capacity(points as usize * 4 * (walks as usize + 3));
         for is_direct in [true, false] {
             for batch in &batches {
-                if !tell(done, all) {
+                if !report(done, all) {
                     return Ok(false);
                 }
                 let most = batch.iter().map(|(job, _)| job.points.element_product()).max().unwrap_or(1);
@@ -254,7 +254,7 @@ impl<'a> Lattices<'a> {
         }
         self.upload(context, &image);
         context.check("solving light")?;
-        Ok(tell(all, all))
+        Ok(report(all, all))
     }
 
     /// Page and place in it of a word.

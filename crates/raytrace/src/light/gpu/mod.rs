@@ -121,7 +121,7 @@ impl<'a> GpuLight<'a> {
         tracer: &'a LightTracer<'a>,
         cache: Option<&CacheSettings>,
         options: &AdapterOptions,
-        tell: &dyn Fn(usize, usize) -> bool,
+        report: &dyn Fn(usize, usize) -> bool,
     ) -> Result<Option<Self>> {
         let start = Instant::now();
         let context = Context::open(options)?;
@@ -169,7 +169,7 @@ impl<'a> GpuLight<'a> {
         };
         if let Some(packed) = packed {
             let start = Instant::now();
-            let Some(lattices) = Lattices::new(&gpu, packed, tell)? else { return Ok(None) };
+            let Some(lattices) = Lattices::new(&gpu, packed, report)? else { return Ok(None) };
             gpu.clock.add("coarse solution", start.elapsed().as_secs_f64());
             gpu.state().lattices = Some(lattices);
         }

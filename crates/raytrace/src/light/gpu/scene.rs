@@ -8,7 +8,7 @@ use super::super::texture::{Encoding, table};
 use super::super::words::Words;
 use crate::bvh::binary::BinaryTree;
 use corf_gpu::Context;
-use corf_scene::model::{AlphaMode, Filter, OpticalMaterial, PunctualKind, Texture, TextureRef, Wrap};
+use corf_scene::model::{AlphaMode, Filter, LightMaterial, PunctualKind, Texture, TextureRef, Wrap};
 use corf_scene::{Error, Result, Scene};
 use glam::{Vec2, Vec3};
 
@@ -155,7 +155,7 @@ fn map(words: &mut Words, reference: &Option<TextureRef>) {
 fn materials(scene: &Scene) -> Vec<u32> {
     let mut words = Words::default();
     for material in &scene.materials {
-        let m: &OpticalMaterial = &material.optical;
+        let m: &LightMaterial = &material.light;
         let (mode, cutoff) = match m.alpha_mode {
             AlphaMode::Opaque => (0, 0.0),
             AlphaMode::Mask { cutoff } => (1, cutoff),

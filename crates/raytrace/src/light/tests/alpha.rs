@@ -5,8 +5,8 @@ use corf_scene::model::{AlphaMode, Filter, PunctualKind, PunctualLight, Texture,
 use glam::Affine2;
 
 /// A matt sheet without a specular lobe.
-fn sheet(color: [f32; 3], alpha: f32, alpha_mode: AlphaMode) -> OpticalMaterial {
-    OpticalMaterial { base_color: color, alpha, alpha_mode, ior: 1.0, ..OpticalMaterial::default() }
+fn sheet(color: [f32; 3], alpha: f32, alpha_mode: AlphaMode) -> LightMaterial {
+    LightMaterial { base_color: color, alpha, alpha_mode, ior: 1.0, ..LightMaterial::default() }
 }
 
 fn one_texel(scene: &mut Scene, texel: [u8; 4]) -> Option<TextureRef> {
@@ -20,9 +20,9 @@ fn one_texel(scene: &mut Scene, texel: [u8; 4]) -> Option<TextureRef> {
 }
 
 /// A sheet across the view at z = 1, seen from above against a background of radiance 1.
-fn above(optical: OpticalMaterial) -> (Scene, (Pinhole, Rigid3)) {
+fn above(light: LightMaterial) -> (Scene, (Pinhole, Rigid3)) {
     let mut scene = Scene::default();
-    let sheet = material(&mut scene, optical);
+    let sheet = material(&mut scene, light);
     quad(&mut scene, Vec3::new(-1.0, -1.0, 1.0), Vec3::X * 2.0, Vec3::Y * 2.0, sheet);
     (scene, view(2, 2, 10.0, DVec3::new(0.01, 0.02, 3.0), DVec3::new(0.01, 0.02, 0.0)))
 }
@@ -35,7 +35,7 @@ fn against_background(max_bounces: u32) -> LightSettings {
 fn a_sheet_of_alpha_shows_alpha_of_itself_over_what_is_behind() {
     // Over: α·surface + (1 − α)·behind. Black and clear against 1; a surface that emits 3.
     for (emissive, alpha, expected) in [(0.0, 0.2, 0.8), (0.0, 0.75, 0.25), (3.0, 0.25, 0.75 + 0.25 * 3.0)] {
-        let (scene, camera) = above(OpticalMaterial { emissive: [emissive; 3], ..sheet([0.0; 3], alpha, AlphaMode::Blend) });
+        let (scene, camera) = above(LightMaterial { emissive: [emissive; 3], ..sheet([0.0; 3], alpha, AlphaMode::Blend) });
         let (mean, _) = statistics(&render(&scene, &camera, &against_background(0)));
         // 16 384 stratified choices between there and not.
         assert!((mean - expected).abs() < 2e-3, "alpha {alpha}, emissive {emissive}: {mean}, exactly {expected}");
@@ -74,9 +74,9 @@ fn a_shadow_ray_is_weakened_by_what_is_there_and_not_tinted() {
         let camera = view(2, 2, 0.005, DVec3::new(-1.5, -1.5, 0.5), DVec3::ZERO);
         let settings = LightSettings { samples_per_pixel: 4, max_bounces: 1, ..LightSettings::default() };
         let bare = render(&scene, &camera, &settings).radiance[(0, 0)];
-        let mut optical = sheet([0.9, 0.0, 0.1], factor, AlphaMode::Blend);
-        optical.base_color_texture = texel.and_then(|a| one_texel(&mut scene, [255, 255, 255, a]));
-        let sheet = material(&mut scene, optical);
+        let mut light = sheet([0.9, 0.0, 0.1], factor, AlphaMode::Blend);
+        light.base_color_texture = texel.and_then(|a| one_texel(&mut scene, [255, 255, 255, a]));
+        let sheet = material(&mut scene, light);
         quad(&mut scene, Vec3::new(-1.0, -1.0, 1.0), Vec3::X * 2.0, Vec3::Y * 2.0, sheet);
         if let Some(a) = vertex {
             scene.colors = vec![[1.0; 4]; 4];
@@ -103,7 +103,7 @@ fn a_mask_holds_the_whole_product_of_alphas_against_its_cutoff() {
         (1.0, None, Some(0.4), false),
     ] {
         let (mut scene, camera) = above(sheet([0.0; 3], factor, mask));
-        scene.materials[0].optical.base_color_texture = texel.and_then(|a| one_texel(&mut scene, [255, 255, 255, a]));
+        scene.materials[0].light.base_color_texture = texel.and_then(|a| one_texel(&mut scene, [255, 255, 255, a]));
         scene.colors = vertex.map_or(Vec::new(), |a| vec![[1.0, 1.0, 1.0, a]; 4]);
         let frame = render(&scene, &camera, &LightSettings { samples_per_pixel: 4, ..against_background(1) });
         let expected = if there { 0.0 } else { 1.0 };
@@ -144,13 +144,13 @@ fn both_estimators_agree_through_blended_sheets_and_emitters() {
     let wall = diffuse(&mut scene, 0.6);
     let light = material(
         &mut scene,
-        OpticalMaterial { emissive: [12.0; 3], double_sided: false, ..sheet([0.2; 3], 0.6, AlphaMode::Blend) },
+        LightMaterial { emissive: [12.0; 3], double_sided: false, ..sheet([0.2; 3], 0.6, AlphaMode::Blend) },
     );
     let smoked = material(&mut scene, sheet([0.0; 3], 0.4, AlphaMode::Blend));
     // Glass of which a part is there: what is there transmits, the rest is a hole.
     let pane = material(
         &mut scene,
-        OpticalMaterial { transmission: 0.85, ior: 1.5, roughness: 0.0, ..sheet([0.5, 0.9, 0.8], 0.7, AlphaMode::Blend) },
+        LightMaterial { transmission: 0.85, ior: 1.5, roughness: 0.0, ..sheet([0.5, 0.9, 0.8], 0.7, AlphaMode::Blend) },
     );
     room(&mut scene, Vec3::ZERO, Vec3::new(3.0, 3.0, 2.5), wall);
     quad(&mut scene, Vec3::new(0.6, 0.6, 2.45), Vec3::Y * 1.8, Vec3::X * 1.8, light);

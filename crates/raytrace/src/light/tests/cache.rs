@@ -36,10 +36,8 @@ fn agrees(name: &str, scene: &Scene, camera: &(Pinhole, Rigid3), tolerance: f64)
 fn a_grey_furnace_room_reaches_its_closed_form() {
     let albedo = 0.5f32;
     let mut scene = Scene::default();
-    let wall = material(
-        &mut scene,
-        OpticalMaterial { base_color: [albedo; 3], ior: 1.0, emissive: [1.0; 3], ..OpticalMaterial::default() },
-    );
+    let wall =
+        material(&mut scene, LightMaterial { base_color: [albedo; 3], ior: 1.0, emissive: [1.0; 3], ..LightMaterial::default() });
     room(&mut scene, Vec3::ZERO, Vec3::new(3.0, 2.0, 2.5), wall);
     let camera = view(16, 12, 80.0, DVec3::new(1.0, 0.9, 1.2), DVec3::new(3.0, 2.0, 0.0));
     let frame = cached(&scene, &camera, &settings());
@@ -70,7 +68,7 @@ fn a_glossy_dielectric_room_agrees_with_path_tracing() {
         let mut scene = Scene::default();
         let wall = material(
             &mut scene,
-            OpticalMaterial { base_color: [0.6, 0.5, 0.4], roughness, metallic: 0.0, ..OpticalMaterial::default() },
+            LightMaterial { base_color: [0.6, 0.5, 0.4], roughness, metallic: 0.0, ..LightMaterial::default() },
         );
         let light = emitter(&mut scene, 10.0);
         room(&mut scene, Vec3::ZERO, Vec3::new(3.0, 3.0, 2.5), wall);

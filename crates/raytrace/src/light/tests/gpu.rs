@@ -44,42 +44,39 @@ fn everything() -> Scene {
     ]
     .map(|(seed, alpha, wrap, filter)| texture(&mut scene, seed, alpha, wrap, filter));
     let of = |material| material;
-    let wall = material(&mut scene, of(OpticalMaterial { base_color_texture: Some(t0), ..OpticalMaterial::default() }));
+    let wall = material(&mut scene, of(LightMaterial { base_color_texture: Some(t0), ..LightMaterial::default() }));
     room(&mut scene, Vec3::ZERO, Vec3::new(5.0, 4.0, 3.0), wall);
-    let polished = OpticalMaterial {
+    let polished = LightMaterial {
         base_color: [0.5, 0.4, 0.3],
         roughness: 0.9,
         metallic: 0.6,
         metallic_roughness_texture: Some(t1),
         normal_texture: Some(t3),
         normal_scale: 0.4,
-        ..OpticalMaterial::default()
+        ..LightMaterial::default()
     };
     let polished = material(&mut scene, polished);
     quad(&mut scene, Vec3::new(0.5, 0.5, 0.01), Vec3::X * 4.0, Vec3::Y * 3.0, polished);
-    let steel = OpticalMaterial { base_color: [0.7; 3], metallic: 1.0, roughness: 0.2, ..OpticalMaterial::default() };
+    let steel = LightMaterial { base_color: [0.7; 3], metallic: 1.0, roughness: 0.2, ..LightMaterial::default() };
     let steel = material(&mut scene, steel);
     sphere(&mut scene, Vec3::new(2.0, 2.2, 1.0), 0.5, steel);
-    let glass = OpticalMaterial { base_color: [0.8, 0.9, 1.0], transmission: 0.8, roughness: 0.0, ..OpticalMaterial::default() };
+    let glass = LightMaterial { base_color: [0.8, 0.9, 1.0], transmission: 0.8, roughness: 0.0, ..LightMaterial::default() };
     let glass = material(&mut scene, glass);
     quad(&mut scene, Vec3::new(3.5, 0.2, 0.1), Vec3::Y * 3.5, Vec3::Z * 2.5, glass);
-    let holes = OpticalMaterial {
-        base_color_texture: Some(t2),
-        alpha_mode: AlphaMode::Mask { cutoff: 0.5 },
-        ..OpticalMaterial::default()
-    };
+    let holes =
+        LightMaterial { base_color_texture: Some(t2), alpha_mode: AlphaMode::Mask { cutoff: 0.5 }, ..LightMaterial::default() };
     let holes = material(&mut scene, holes);
     quad(&mut scene, Vec3::new(1.0, 0.4, 0.3), Vec3::X * 2.0, Vec3::new(0.1, 0.2, 1.2), holes);
     let veil =
-        OpticalMaterial { base_color_texture: Some(t2), alpha_mode: AlphaMode::Blend, alpha: 0.7, ..OpticalMaterial::default() };
+        LightMaterial { base_color_texture: Some(t2), alpha_mode: AlphaMode::Blend, alpha: 0.7, ..LightMaterial::default() };
     let veil = material(&mut scene, veil);
     quad(&mut scene, Vec3::new(0.4, 3.0, 0.3), Vec3::X * 2.5, Vec3::new(0.0, 0.3, 1.6), veil);
-    let lamp = OpticalMaterial {
+    let lamp = LightMaterial {
         base_color: [0.0; 3],
         emissive: [9.0, 8.0, 6.0],
         emissive_texture: Some(t0),
         double_sided: false,
-        ..OpticalMaterial::default()
+        ..LightMaterial::default()
     };
     let lamp = material(&mut scene, lamp);
     quad(&mut scene, Vec3::new(1.0, 1.0, 2.9), Vec3::Y * 0.5, Vec3::X * 2.8, lamp);
@@ -102,7 +99,7 @@ fn opaque() -> Scene {
     // The two triangles of the wall at x = 5, through which the background is seen.
     scene.triangles.drain(10..12);
     for m in &mut scene.materials {
-        (m.optical.alpha_mode, m.optical.transmission) = (AlphaMode::Opaque, 0.0);
+        (m.light.alpha_mode, m.light.transmission) = (AlphaMode::Opaque, 0.0);
     }
     scene.colors = scene.positions.iter().map(|p| [0.5 + 0.1 * p.x, 1.0, 0.7, 1.0]).collect();
     scene

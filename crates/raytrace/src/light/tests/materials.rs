@@ -83,12 +83,12 @@ fn holes_of_a_mask_let_light_depth_and_sight_through() {
         let mut scene = scene.clone();
         // Left half of the screen opaque or not, the right half the other way round; the floor point is under the left half.
         let texture = texture(&mut scene, 64, 1, |x, _| [255, 255, 255, if (x < 32) == hole { 0 } else { 255 }]);
-        let optical = OpticalMaterial {
+        let light = LightMaterial {
             base_color_texture: texture,
             alpha_mode: AlphaMode::Mask { cutoff: 0.5 },
-            ..OpticalMaterial::default()
+            ..LightMaterial::default()
         };
-        let screen = material(&mut scene, optical);
+        let screen = material(&mut scene, light);
         quad(&mut scene, Vec3::new(-0.4, -0.5, 1.0), Vec3::X, Vec3::Y, screen);
         let mean = statistics(&render(&scene, &camera, &direct())).0;
         assert!((mean - expected).abs() < 1e-6, "hole {hole}: {mean} {expected}");
@@ -110,8 +110,8 @@ fn normal_maps_tilt_towards_growing_u_and_falling_v() {
     ] {
         let mut scene = Scene::default();
         let normal_texture = texture(&mut scene, 1, 1, |_, _| [texel[0], texel[1], texel[2], 255]);
-        let optical = OpticalMaterial { base_color: [ALBEDO; 3], ior: 1.0, normal_texture, ..OpticalMaterial::default() };
-        let floor = material(&mut scene, optical);
+        let light = LightMaterial { base_color: [ALBEDO; 3], ior: 1.0, normal_texture, ..LightMaterial::default() };
+        let floor = material(&mut scene, light);
         floor_under(&mut scene, floor);
         let camera = view(2, 2, 0.005, DVec3::new(0.0, 0.0, 2.0), DVec3::ZERO);
         scene.lights.push(PunctualLight {
@@ -135,22 +135,22 @@ fn both_estimators_agree_through_panes_masks_and_textured_emitters() {
     let stripes = texture(&mut scene, 8, 1, |x, _| if x < 2 { [255, 200, 80, 255] } else { [20, 20, 60, 255] });
     let light = material(
         &mut scene,
-        OpticalMaterial {
+        LightMaterial {
             ior: 1.0,
             emissive: [12.0; 3],
             emissive_texture: stripes,
             double_sided: false,
-            ..OpticalMaterial::default()
+            ..LightMaterial::default()
         },
     );
     let pane = material(
         &mut scene,
-        OpticalMaterial { base_color: [0.7, 0.9, 0.8], transmission: 0.85, roughness: 0.0, ..OpticalMaterial::default() },
+        LightMaterial { base_color: [0.7, 0.9, 0.8], transmission: 0.85, roughness: 0.0, ..LightMaterial::default() },
     );
     let leaves = texture(&mut scene, 16, 16, |x, y| [90, 160, 60, if (x / 4 + y / 4) % 2 == 0 { 255 } else { 0 }]);
     let mask = material(
         &mut scene,
-        OpticalMaterial { base_color_texture: leaves, alpha_mode: AlphaMode::Mask { cutoff: 0.5 }, ..OpticalMaterial::default() },
+        LightMaterial { base_color_texture: leaves, alpha_mode: AlphaMode::Mask { cutoff: 0.5 }, ..LightMaterial::default() },
     );
     room(&mut scene, Vec3::ZERO, Vec3::new(3.0, 3.0, 2.5), wall);
     quad(&mut scene, Vec3::new(0.6, 0.6, 2.45), Vec3::Y * 1.8, Vec3::X * 1.8, light);

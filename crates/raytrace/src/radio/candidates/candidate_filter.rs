@@ -111,7 +111,7 @@ mod tests {
     use super::*;
     use crate::radio::{RadioSettings, RadioTracer};
     use corf_scene::Rng;
-    use corf_scene::model::{Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, Scene, Triangle};
+    use corf_scene::model::{LightMaterial, Material, Object, Permittivity, RadioMaterial, Scattering, Scene, Triangle};
     use glam::Vec3;
 
     #[test]
@@ -126,7 +126,7 @@ mod tests {
             scattering: Scattering::default(),
         };
         let mut scene = Scene {
-            materials: vec![Material { name: "metal".into(), optical: OpticalMaterial::default(), radio: Some(radio) }],
+            materials: vec![Material { name: "metal".into(), light: LightMaterial::default(), radio: Some(radio) }],
             ..Scene::default()
         };
         for i in 0..40 {

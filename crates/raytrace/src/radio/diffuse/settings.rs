@@ -1,7 +1,7 @@
 //! Sampling settings of the diffuse field, and the numbers that follow from them.
 
 use crate::radio::MAX_INTERACTIONS;
-use corf_scene::config::RfConfig;
+use corf_scene::config::SpectrumConfig;
 use corf_scene::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -41,13 +41,13 @@ pub struct DiffuseSettings {
 
 impl Default for DiffuseSettings {
     fn default() -> Self {
-        let rf = RfConfig::default();
+        let radio = SpectrumConfig::default();
         Self {
-            patch_size_m: rf.patch_size_m,
-            directions: rf.directions,
+            patch_size_m: radio.patch_size_m,
+            directions: radio.directions,
             after: MAX_INTERACTIONS,
             min_mirror_sr: NO_MIRRORS_SR,
-            photons: rf.photons,
+            photons: radio.photons,
             resolution_deg: 1.0,
             even_arrivals: false,
             outlier_share: 0.1,

@@ -10,9 +10,9 @@ pub(super) fn topics(header: &DatasetHeader, imported: &Imported, range: Option<
         ("frames", world(imported)),
         ("cameras", cameras(header)),
         ("import", import(imported)),
-        ("optical", optical(header)),
+        ("optical", light(header)),
         ("spectrum", spectrum(header)),
-        ("rf_image", rf_image(range)),
+        ("rf_image", radio_image(range)),
         ("sampling", sampling(header)),
     ]
 }
@@ -52,7 +52,7 @@ fn import(imported: &Imported) -> Vec<(&'static str, String)> {
     ]
 }
 
-fn optical(header: &DatasetHeader) -> Vec<(&'static str, String)> {
+fn light(header: &DatasetHeader) -> Vec<(&'static str, String)> {
     if !header.modalities.light {
         return vec![(
             "image",
@@ -90,7 +90,7 @@ fn spectrum(header: &DatasetHeader) -> Vec<(&'static str, String)> {
     ]
 }
 
-fn rf_image(range: Option<&DbRange>) -> Vec<(&'static str, String)> {
+fn radio_image(range: Option<&DbRange>) -> Vec<(&'static str, String)> {
     let Some(range) = range else { return vec![("image", "there are none".into())] };
     vec![
         ("scalar", "(10 log10 S - min_db) / (max_db - min_db), clamped to [0, 1]; 0 where S is 0".into()),

@@ -2,7 +2,7 @@
 
 use super::texture::Textures;
 use crate::Scene;
-use crate::model::{AlphaMode, OpticalMaterial, TextureRef, Wrap};
+use crate::model::{AlphaMode, LightMaterial, TextureRef, Wrap};
 use glam::Affine2;
 
 /// Whether a triangle of a material has a vertex that is not white.
@@ -20,7 +20,7 @@ pub(super) struct EmissionMap {
 
 impl EmissionMap {
     pub(super) fn of(scene: &Scene, material: u32) -> Self {
-        let m = &scene.materials[material as usize].optical;
+        let m = &scene.materials[material as usize].light;
         let transform = m.emissive_texture.filter(|_| m.emissive.iter().any(|e| *e > 0.0)).map(|t| t.uv_from_uv);
         let invertible = |t: &Affine2| t.matrix2.determinant().abs() > 1e-12;
         Self { uv_from_uv: transform.filter(invertible).unwrap_or(Affine2::IDENTITY) }
@@ -38,7 +38,7 @@ pub(super) fn repeats(textures: &Textures<'_>, reference: &TextureRef) -> bool {
 }
 
 /// Factor on an emitting surface's radiance: its uniform coverage (alpha), which Mitsuba's emitter does not take from the `mask`.
-pub(super) fn emission_share(m: &OpticalMaterial) -> f32 {
+pub(super) fn emission_share(m: &LightMaterial) -> f32 {
     match m.alpha_mode {
         AlphaMode::Opaque => 1.0,
         AlphaMode::Mask { cutoff } => f32::from(m.alpha >= cutoff),

@@ -4,7 +4,7 @@ use super::emission::{self, EmissionMap};
 use super::slug;
 use super::texture::{Textures, Use};
 use super::xml::Xml;
-use crate::model::{AlphaMode, OpticalMaterial, TextureRef};
+use crate::model::{AlphaMode, LightMaterial, TextureRef};
 use crate::{Result, Scene};
 use std::collections::BTreeSet;
 
@@ -14,7 +14,7 @@ pub(super) fn id(scene: &Scene, index: u32) -> String {
 }
 
 /// Whether light may pass a surface straight.
-pub(super) fn is_seen_through(m: &OpticalMaterial) -> bool {
+pub(super) fn is_seen_through(m: &LightMaterial) -> bool {
     m.transmission > 0.0 || m.alpha_mode != AlphaMode::Opaque
 }
 
@@ -37,7 +37,7 @@ pub(super) fn write(
     approximated: &mut BTreeSet<String>,
 ) -> Result<()> {
     let material = &scene.materials[index as usize];
-    let m = &material.optical;
+    let m = &material.light;
     let id = id(scene, index);
     let colored = emission::is_colored(scene, index);
     let map = EmissionMap::of(scene, index);
@@ -126,7 +126,7 @@ impl Wrapper {
 }
 
 fn base_color(
-    m: &OpticalMaterial,
+    m: &LightMaterial,
     colored: bool,
     textures: &mut Textures<'_>,
     map: &EmissionMap,
@@ -145,7 +145,7 @@ fn base_color(
     Ok(())
 }
 
-fn opacity(m: &OpticalMaterial, textures: &Textures<'_>) -> Opacity {
+fn opacity(m: &LightMaterial, textures: &Textures<'_>) -> Opacity {
     let holes = |t: &TextureRef| textures.get(Some(t)).is_some_and(|t| t.texels.pixels().iter().any(|p| p[3] < 255));
     let texture = m.base_color_texture.filter(holes);
     match (m.alpha_mode, texture) {

@@ -60,7 +60,7 @@ pub(super) fn write(
     let colored: Vec<bool> = (0..scene.materials.len() as u32).map(|m| is_colored(scene, m)).collect();
     let mut written = Written { shapes: 0, emitters: 0 };
     for ((object, index), members) in by_key {
-        let m = &scene.materials[index as usize].optical;
+        let m = &scene.materials[index as usize].light;
         let share = emission_share(m);
         let radiance = m.emissive.map(|e| e * share);
         let emits = luminance(radiance) > 0.0;

@@ -78,7 +78,7 @@ pub fn write(scene: &Scene, views: Option<&Views>, folder: &Path) -> Result<Summ
     xml.open("scene", &[("version", "3.0.0")]);
     let used = mesh::used_materials(scene);
     // `path` does not look for lamps through panes and holes; `volpath` does, and finds the same light.
-    let seen_through = used.iter().any(|m| material::is_seen_through(&scene.materials[*m as usize].optical));
+    let seen_through = used.iter().any(|m| material::is_seen_through(&scene.materials[*m as usize].light));
     xml.open("integrator", &[("type", if seen_through { "volpath" } else { "path" })]);
     xml.value("integer", "max_depth", "-1");
     xml.close();

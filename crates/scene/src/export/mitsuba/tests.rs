@@ -1,15 +1,15 @@
 use super::*;
 use crate::Raster;
-use crate::model::{AlphaMode, Filter, Material, Object, OpticalMaterial, Texture, TextureRef, Triangle, Wrap};
+use crate::model::{AlphaMode, Filter, LightMaterial, Material, Object, Texture, TextureRef, Triangle, Wrap};
 use glam::{Affine2, DVec3, Vec2, Vec3};
 
 /// A square of one material; its front is up.
-fn square(optical: OpticalMaterial, textures: Vec<Texture>) -> Scene {
+fn square(light: LightMaterial, textures: Vec<Texture>) -> Scene {
     let positions = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 0.5)).to_vec();
     Scene {
         name: "square".into(),
         objects: vec![Object { name: "a <square> & more".into() }],
-        materials: vec![Material { name: "paint \"x\"".into(), optical, radio: None }],
+        materials: vec![Material { name: "paint \"x\"".into(), light, radio: None }],
         textures,
         normals: vec![Vec3::Z; 4],
         uvs: positions.iter().map(|p: &Vec3| [p.x, 1.0 - p.y]).collect(),
@@ -50,7 +50,7 @@ fn vertices(folder: &Path, index: usize, columns: usize) -> Vec<Vec<f32>> {
 
 #[test]
 fn what_emits_on_both_sides_is_two_sheets_that_look_away_from_each_other() {
-    let lamp = |double_sided| OpticalMaterial { emissive: [2.0, 1.0, 0.5], double_sided, ..OpticalMaterial::default() };
+    let lamp = |double_sided| LightMaterial { emissive: [2.0, 1.0, 0.5], double_sided, ..LightMaterial::default() };
     let (folder, summary, xml) = exported(&square(lamp(false), vec![]));
     assert_eq!((summary.shapes, summary.emitters, xml.matches("type=\"area\"").count()), (1, 1, 1));
     assert!(vertices(folder.path(), 0, 8).iter().all(|v| v[2] == 0.5));
@@ -66,7 +66,7 @@ fn what_emits_on_both_sides_is_two_sheets_that_look_away_from_each_other() {
 #[test]
 fn an_emitter_meets_every_place_of_its_texture_once() {
     let mut scene = square(
-        OpticalMaterial { emissive: [4.0; 3], emissive_texture: reference(), double_sided: false, ..OpticalMaterial::default() },
+        LightMaterial { emissive: [4.0; 3], emissive_texture: reference(), double_sided: false, ..LightMaterial::default() },
         vec![texture([255; 2])],
     );
     let (_, summary, xml) = exported(&scene);
@@ -91,7 +91,7 @@ fn an_emitter_meets_every_place_of_its_texture_once() {
 
 #[test]
 fn factors_are_in_the_textures_and_what_has_none_keeps_its_bytes() {
-    let paint = |base_color| OpticalMaterial { base_color, base_color_texture: reference(), ..OpticalMaterial::default() };
+    let paint = |base_color| LightMaterial { base_color, base_color_texture: reference(), ..LightMaterial::default() };
     for (factor, deep) in [([1.0; 3], false), ([0.5, 0.5, 0.25], true)] {
         let (folder, summary, _) = exported(&square(paint(factor), vec![texture([255; 2])]));
         assert_eq!(summary.textures, 1);
@@ -112,8 +112,8 @@ fn factors_are_in_the_textures_and_what_has_none_keeps_its_bytes() {
 #[test]
 fn alpha_is_a_mask_where_it_means_something() {
     let leaf =
-        |alpha_mode, alpha| OpticalMaterial { alpha_mode, alpha, base_color_texture: reference(), ..OpticalMaterial::default() };
-    let xml = |optical, alpha| exported(&square(optical, vec![texture(alpha)])).2;
+        |alpha_mode, alpha| LightMaterial { alpha_mode, alpha, base_color_texture: reference(), ..LightMaterial::default() };
+    let xml = |light, alpha| exported(&square(light, vec![texture(alpha)])).2;
     assert!(!xml(leaf(AlphaMode::Opaque, 0.3), [0, 255]).contains("\"mask\""));
     assert!(xml(leaf(AlphaMode::Blend, 0.25), [255; 2]).contains("<float name=\"opacity\" value=\"0.25\"/>"));
     let (folder, _, xml) = exported(&square(leaf(AlphaMode::Mask { cutoff: 0.5 }, 1.0), vec![texture([0, 255])]));
@@ -131,7 +131,7 @@ fn alpha_is_a_mask_where_it_means_something() {
 
 #[test]
 fn vertex_colours_go_with_the_base_colour() {
-    let mut scene = square(OpticalMaterial { base_color: [0.5, 0.5, 1.0], ..OpticalMaterial::default() }, vec![]);
+    let mut scene = square(LightMaterial { base_color: [0.5, 0.5, 1.0], ..LightMaterial::default() }, vec![]);
     scene.colors = vec![[0.25, 1.0, 0.5, 1.0]; 4];
     let (folder, _, xml) = exported(&scene);
     assert!(xml.contains("mesh_attribute") && xml.contains("vertex_color"));
@@ -140,7 +140,7 @@ fn vertex_colours_go_with_the_base_colour() {
 
 #[test]
 fn normals_are_on_the_side_the_corners_say() {
-    let mut scene = square(OpticalMaterial::default(), vec![]);
+    let mut scene = square(LightMaterial::default(), vec![]);
     scene.normals = vec![-Vec3::Z; 4];
     let (folder, ..) = exported(&scene);
     assert!(vertices(folder.path(), 0, 8).iter().all(|v| v[5] == 1.0));
@@ -152,7 +152,7 @@ fn a_camera_sees_right_and_down_where_it_did() {
     let pose = Rigid3::looking_at(eye, eye + DVec3::new(0.3, 1.0, -0.2), DVec3::Z);
     let views = Views { camera: Pinhole::from_horizontal_fov(64, 36, 70.0), poses: vec![pose] };
     let folder = tempfile::tempdir().unwrap();
-    write(&square(OpticalMaterial::default(), vec![]), Some(&views), folder.path()).unwrap();
+    write(&square(LightMaterial::default(), vec![]), Some(&views), folder.path()).unwrap();
     let xml = std::fs::read_to_string(folder.path().join("scene.xml")).unwrap();
     let words = xml.split("<matrix value=\"").nth(1).unwrap().split('"').next().unwrap();
     let m: Vec<f64> = words.split(' ').map(|w| w.parse().unwrap()).collect();
@@ -162,21 +162,21 @@ fn a_camera_sees_right_and_down_where_it_did() {
     let local = mitsuba(seen - DVec3::new(m[3], m[7], m[11]));
     assert!((local - DVec3::new(-0.7, -0.4, 3.0)).length() < 1e-12, "{local}");
     let wrong = Views { camera: Pinhole { fy: 30.0, ..views.camera }, ..views };
-    assert!(write(&square(OpticalMaterial::default(), vec![]), Some(&wrong), folder.path()).is_err());
+    assert!(write(&square(LightMaterial::default(), vec![]), Some(&wrong), folder.path()).is_err());
 }
 
 #[test]
 fn other_textures_of_an_emitter_look_through_the_emissions_transform() {
     let scene = {
         let emission = TextureRef { texture: 0, uv_from_uv: Affine2::from_scale(Vec2::splat(0.5)) };
-        let optical = OpticalMaterial {
+        let light = LightMaterial {
             emissive: [1.0; 3],
             emissive_texture: Some(emission),
             base_color_texture: Some(TextureRef { texture: 0, uv_from_uv: Affine2::from_scale(Vec2::splat(2.0)) }),
             double_sided: false,
-            ..OpticalMaterial::default()
+            ..LightMaterial::default()
         };
-        square(optical, vec![texture([255; 2])])
+        square(light, vec![texture([255; 2])])
     };
     let (folder, _, xml) = exported(&scene);
     let largest = vertices(folder.path(), 0, 8).iter().map(|v| v[6]).fold(0.0, f32::max);

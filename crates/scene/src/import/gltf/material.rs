@@ -2,7 +2,7 @@
 
 use super::super::notes::Notes;
 use super::texture::{Textures, uv_transform};
-use crate::model::{AlphaMode, Material, OpticalMaterial, TextureRef};
+use crate::model::{AlphaMode, LightMaterial, Material, TextureRef};
 use crate::radio_spec::RadioSpec;
 use crate::{Error, Result};
 use glam::Affine2;
@@ -58,7 +58,7 @@ pub(super) fn convert(material: &gltf::Material<'_>, textures: &mut Textures<'_>
     }
     let strength = material.emissive_strength().unwrap_or(1.0);
     let normal = material.normal_texture();
-    let optical = OpticalMaterial {
+    let light = LightMaterial {
         base_color: [r, g, b],
         base_color_texture: base.texture,
         alpha,
@@ -78,11 +78,11 @@ pub(super) fn convert(material: &gltf::Material<'_>, textures: &mut Textures<'_>
         double_sided: material.double_sided(),
     };
     let cutoff = if let AlphaMode::Mask { cutoff } = alpha_mode { cutoff } else { 0.0 };
-    let numbers = [optical.metallic, optical.roughness, optical.normal_scale, optical.transmission, optical.ior, alpha, cutoff];
-    if numbers.iter().chain(&optical.base_color).chain(&optical.emissive).any(|v| !(v.is_finite())) {
+    let numbers = [light.metallic, light.roughness, light.normal_scale, light.transmission, light.ior, alpha, cutoff];
+    if numbers.iter().chain(&light.base_color).chain(&light.emissive).any(|v| !(v.is_finite())) {
         return Err(Error::invalid(place, "a factor is not finite", "repair the material"));
     }
-    Ok(Material { radio: radio(material, &name, &place)?, name, optical })
+    Ok(Material { radio: radio(material, &name, &place)?, name, light })
 }
 
 /// A material's base layer.

@@ -12,7 +12,7 @@ mod unread;
 use super::builder::{append, check_size};
 use super::notes::Notes;
 use super::{ImportOptions, ImportReport, UpAxis, scene_name};
-use crate::model::{Material, Object, OpticalMaterial, PunctualKind, PunctualLight, Scene};
+use crate::model::{LightMaterial, Material, Object, PunctualKind, PunctualLight, Scene};
 use crate::{Error, Result};
 use document::Source;
 use glam::{DMat4, DVec3, DVec4};
@@ -187,8 +187,8 @@ impl Reader<'_> {
         const NAME: &str = "(no material)";
         let known = self.scene.materials.iter().position(|m| m.name == NAME);
         known.unwrap_or_else(|| {
-            let optical = OpticalMaterial { base_color: [1.0; 3], metallic: 1.0, double_sided: false, ..Default::default() };
-            self.scene.materials.push(Material { name: NAME.into(), optical, radio: None });
+            let light = LightMaterial { base_color: [1.0; 3], metallic: 1.0, double_sided: false, ..Default::default() };
+            self.scene.materials.push(Material { name: NAME.into(), light, radio: None });
             self.scene.materials.len() - 1
         }) as u32
     }

@@ -222,7 +222,7 @@ fn specular_glossiness_gives_its_colour() {
         let mut f = File::new();
         f.json["materials"][0] = json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": sg } });
         let (scene, report) = f.read();
-        (scene.materials[0].optical.clone(), scene.textures, report)
+        (scene.materials[0].light.clone(), scene.textures, report)
     };
     let (m, _, report) =
         with(json!({ "diffuseFactor": [0.8, 0.05, 0.1, 0.5], "specularFactor": [0.04, 0.04, 0.04], "glossinessFactor": 0.25 }));
@@ -250,7 +250,7 @@ fn unlit_materials_are_matt_and_noted() {
     let mut f = File::new();
     f.json["materials"][0]["extensions"] = json!({ "KHR_materials_unlit": {} });
     let (scene, report) = f.read();
-    let m = &scene.materials[0].optical;
+    let m = &scene.materials[0].light;
     assert_eq!((m.base_color, m.metallic, m.roughness, m.ior), ([0.5, 0.25, 0.125], 0.0, 1.0, 1.0));
     assert!(m.base_color_texture.is_some());
     assert_eq!(lines(&report, "KHR_materials_unlit").len(), 1);
@@ -262,13 +262,13 @@ fn alpha_arrives_as_the_file_has_it() {
     f.json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = json!([0.1, 0.1, 0.1, 0.25]);
     f.json["materials"][0]["alphaMode"] = json!("BLEND");
     let (scene, report) = f.read();
-    let m = &scene.materials[0].optical;
+    let m = &scene.materials[0].light;
     assert_eq!((m.alpha, m.alpha_mode, m.transmission), (0.25, AlphaMode::Blend, 0.9));
     assert_eq!(lines(&report, "radio meets the whole surface").len(), 1);
     f.json["materials"][0]["alphaMode"] = json!("MASK");
-    assert_eq!(f.read().0.materials[0].optical.alpha_mode, AlphaMode::Mask { cutoff: 0.5 });
+    assert_eq!(f.read().0.materials[0].light.alpha_mode, AlphaMode::Mask { cutoff: 0.5 });
     f.json["materials"][0]["alphaCutoff"] = json!(0.75);
-    assert_eq!(f.read().0.materials[0].optical.alpha_mode, AlphaMode::Mask { cutoff: 0.75 });
+    assert_eq!(f.read().0.materials[0].light.alpha_mode, AlphaMode::Mask { cutoff: 0.75 });
 }
 
 #[test]

@@ -230,7 +230,7 @@ mod tests {
             thickness_m,
             scattering: Default::default(),
         };
-        let material = |name: &str, radio| Material { name: name.into(), optical: Default::default(), radio: Some(radio) };
+        let material = |name: &str, radio| Material { name: name.into(), light: Default::default(), radio: Some(radio) };
         Scene {
             name: "test".into(),
             materials: vec![

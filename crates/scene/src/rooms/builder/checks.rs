@@ -29,7 +29,7 @@ pub fn assert_radio(scene: &Scene) -> BTreeSet<String> {
         ids.insert(radio.id.clone());
         let (real, loss) = radio.complex_permittivity(60e9).unwrap();
         assert!(real >= 1.0 && loss > 0.0 && radio.thickness_m > 0.0, "{}", m.name);
-        assert!(m.optical.base_color.iter().all(|c| (0.0..=1.0).contains(c)), "{}", m.name);
+        assert!(m.light.base_color.iter().all(|c| (0.0..=1.0).contains(c)), "{}", m.name);
     }
     ids
 }
@@ -40,7 +40,7 @@ pub fn assert_rich(scene: &Scene) {
     let names: BTreeSet<&str> = scene.objects.iter().map(|o| o.name.as_str()).collect();
     assert!(names.len() >= 60 && names.len() == scene.objects.len(), "{} names of {} objects", names.len(), scene.objects.len());
     assert!(names.iter().all(|n| !n.is_empty()));
-    let emissive = scene.triangles.iter().filter(|t| scene.materials[t.material as usize].optical.emissive != [0.0; 3]).count();
+    let emissive = scene.triangles.iter().filter(|t| scene.materials[t.material as usize].light.emissive != [0.0; 3]).count();
     assert!((30..400).contains(&emissive), "{emissive}");
 }
 

@@ -17,7 +17,7 @@ use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::{Bvh, Ray};
 use corf_raytrace::light::{self, LightFrame, LightSettings, LightTracer, Spent};
-use corf_raytrace::sensor::OpticalSensor;
+use corf_raytrace::sensor::LightSensor;
 use corf_scene::config::DatasetConfig;
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Pinhole, Raster, Rigid3, Rng, Scene, io, radio_check};
@@ -178,7 +178,7 @@ impl Light {
         } else {
             Some(generate::camera(&config, &tracer, &Backend::Cpu, Oidn::asked_for(&config)?)?)
         };
-        let exposure_ev = match config.optical.exposure_ev {
+        let exposure_ev = match config.light.exposure_ev {
             Some(ev) => ev as f32,
             None => sensor.meter(&poses)?,
         };
@@ -202,10 +202,10 @@ impl Light {
         let differences: Vec<f64> = views.iter().filter_map(|v| v.two_views_difference).collect();
         let report = Report {
             dataset: config.name.clone(),
-            method: config.optical.method,
-            width: config.optical.width,
-            height: config.optical.height,
-            samples_per_pixel: config.optical.samples(),
+            method: config.light.method,
+            width: config.light.width,
+            height: config.light.height,
+            samples_per_pixel: config.light.samples(),
             reference_samples: self.reference_samples,
             threads: rayon::current_num_threads(),
             device: device.name(),
@@ -231,8 +231,8 @@ impl Light {
         scene: &Scene,
         bvh: &Bvh,
         tracer: &LightTracer<'_>,
-        sensor: &OpticalSensor<'_>,
-        processor: Option<&OpticalSensor<'_>>,
+        sensor: &LightSensor<'_>,
+        processor: Option<&LightSensor<'_>>,
         poses: &[TrajectoryPose],
         at: usize,
         pictures: Option<&Path>,
@@ -300,7 +300,7 @@ impl Light {
 
 impl Together {
     /// Renders and develops as many poses along a trajectory as a GPU is best given at once, twice; nothing where the processor traces.
-    fn of(sensor: &OpticalSensor<'_>, poses: &[TrajectoryPose]) -> Result<Option<Self>> {
+    fn of(sensor: &LightSensor<'_>, poses: &[TrajectoryPose]) -> Result<Option<Self>> {
         if sensor.adapter().is_none() {
             return Ok(None);
         }
@@ -320,7 +320,7 @@ impl Together {
 impl Against {
     /// Renders a view that a GPU has rendered, and again, on the processor.
     fn of(
-        processor: &OpticalSensor<'_>,
+        processor: &LightSensor<'_>,
         pose: &TrajectoryPose,
         frames: [&LightFrame; 2],
         gpu_seconds: [f64; 2],
@@ -521,7 +521,7 @@ fn is_flat(frame: &LightFrame, x: usize, y: usize) -> bool {
 /// Whether the surface at a point is rough and no metal.
 fn is_diffuse(scene: &Scene, bvh: &Bvh, from: DVec3, point: DVec3) -> bool {
     bvh.intersect(&Ray::new(from.as_vec3(), (point - from).as_vec3())).is_some_and(|hit| {
-        let material = &scene.materials[scene.triangles[hit.triangle as usize].material as usize].optical;
+        let material = &scene.materials[scene.triangles[hit.triangle as usize].material as usize].light;
         material.roughness >= DIFFUSE_ROUGHNESS && material.metallic == 0.0 && material.transmission == 0.0
     })
 }

@@ -150,7 +150,7 @@ pub(in crate::commands) struct Study<'a, 'p> {
 impl Study<'_, '_> {
     /// Errors of `sampling`.
     pub fn errors(&self, sampling: &DiffuseSettings) -> Result<Errors> {
-        let camera = self.platform.config.rf_camera();
+        let camera = self.platform.config.radio_camera();
         let count = self.count.clamp(1, self.poses.len());
         let pixels = if self.form.is_some() { camera.width * camera.height } else { 0 };
         let watch = |i: usize| {
@@ -173,7 +173,7 @@ impl Study<'_, '_> {
             let sampling = DiffuseSettings { directions: *directions, outlier_share: 0.0, ..*sampling };
             self.sample("reference", &sampling, self.replicas, positions)?;
         }
-        let mut errors = Errors::of(&positions, self.replicas, self.platform.config.rf.dynamic_range_db);
+        let mut errors = Errors::of(&positions, self.replicas, self.platform.config.radio.dynamic_range_db);
         errors.beside_reference =
             beside.and_then(|(directions, beside)| Beside::of(&positions, &beside, directions, self.replicas));
         Ok(errors)
@@ -181,7 +181,7 @@ impl Study<'_, '_> {
 
     /// Takes in all samplings at the positions, of the phases that follow `before`.
     fn sample(&self, what: &'static str, sampling: &DiffuseSettings, before: u64, positions: &mut [Watched<'_>]) -> Result<()> {
-        let (camera, count) = (self.platform.config.rf_camera(), positions.len());
+        let (camera, count) = (self.platform.config.radio_camera(), positions.len());
         let mut progress = Progress::start(what, self.replicas as usize * count, "positions");
         for number in 1..=self.replicas {
             interrupt::check()?;

@@ -139,8 +139,8 @@ impl Radio {
     /// A configuration or scene that cannot be read or traced.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let mut config = DatasetConfig::load(&self.config)?;
-        config.rf.spectrum = self.spectrum.map_or(config.rf.spectrum, SpectrumKind::from);
-        path_args_over!(self.paths, config.rf);
+        config.radio.spectrum = self.spectrum.map_or(config.radio.spectrum, SpectrumKind::from);
+        path_args_over!(self.paths, config.radio);
         config.validate()?;
         let scene_config = config.load_scene_config()?;
         let Some(way) = scene_config.trajectory.as_ref() else {
@@ -150,7 +150,7 @@ impl Radio {
         let scene = in_use::load(&scene_config)?;
         scene_config.check_radio(&scene)?;
         scene_config.check_placement(&scene)?;
-        messages::findings(geometry_warnings(&scene, config.rf.transmission));
+        messages::findings(geometry_warnings(&scene, config.radio.transmission));
         let mut seconds = Stages::default();
         let bvh = timed(&mut seconds.hierarchy, || Bvh::build(&scene));
         let plan = SensorPlan::of(&config, &scene_config)?;
@@ -160,8 +160,8 @@ impl Radio {
         let transmitter = timed(&mut seconds.transmitter_chains, || tracer.transmitter(tx))?;
         let field = timed(&mut seconds.photons, || sampling.map(|s| DiffuseField::new(&tracer, tx, &s)).transpose())?;
         let form = plan.spectrum;
-        let camera = config.rf_camera();
-        let extent = if self.powers { Extent::Sphere } else { Extent::of_keyframe(&config.rf, &plan.receiver) };
+        let camera = config.radio_camera();
+        let extent = if self.powers { Extent::Sphere } else { Extent::of_keyframe(&config.radio, &plan.receiver) };
         let platform = Platform { config: &config, receiver: &plan.receiver, tracer: &tracer, extent };
         let (mut specular_power, mut diffuse_power) = (0.0, 0.0);
         let mut progress = Progress::start("bench radio", poses.len(), "positions");

@@ -197,7 +197,7 @@ fn of_all_sizes(n: usize) -> Gaussians {
         g.position.push([2.0 * (rng.uniform() - 0.5), rng.uniform() - 0.5, z]);
         g.rotation.push([0; 4].map(|_| rng.normal() as f32));
         g.log_scale.push(if i < BLOCK && i % 20 == 7 { [3.0; 3] } else { [0; 3].map(|_| -6.0 + 4.0 * rng.uniform()) });
-        for a in [&mut g.optical, &mut g.rf] {
+        for a in [&mut g.light, &mut g.radio] {
             a.opacity_logit.push(6.0 * (rng.uniform() - 0.5));
             a.sh.extend([0.1; 3]);
         }

@@ -10,7 +10,7 @@ use crate::radio::{
     field::{antenna, fresnel, scattering},
 };
 use corf_scene::model::{
-    Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
+    LightMaterial, Material, Object, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
 };
 use glam::Vec3;
 
@@ -23,7 +23,7 @@ const LOBE_TOTAL: f64 = 1.5e-2;
 
 fn material(itu: &str, thickness_m: f64, scattering: Scattering) -> Material {
     let radio = RadioMaterial { id: itu.into(), permittivity: Permittivity::Itu(itu.into()), thickness_m, scattering };
-    Material { name: itu.into(), optical: OpticalMaterial::default(), radio: Some(radio) }
+    Material { name: itu.into(), light: LightMaterial::default(), radio: Some(radio) }
 }
 
 fn scatters(coefficient: f64, pattern: ScatteringPattern) -> Scattering {

@@ -96,7 +96,7 @@ fn bytes(words: usize) -> u64 {
 }
 
 /// All keyframes of a device.
-pub(crate) struct Shelf {
+pub(crate) struct KeyframeCache {
     pub budget: Arc<Budget>,
     keyframes: Vec<StoredView>,
     placings: u64,
@@ -105,7 +105,7 @@ pub(crate) struct Shelf {
     brought_bytes: u64,
 }
 
-impl Shelf {
+impl KeyframeCache {
     /// No keyframes, of which those on the device may take so many bytes.
     pub fn new(most: u64) -> Self {
         Self { budget: Budget::new(most), keyframes: vec![], placings: 0, batches: 0, submissions: 0, brought_bytes: 0 }

@@ -4,7 +4,7 @@ use crate::light::{
     self, CacheSettings, LightCache, LightFrame, LightSettings, LightTracer, Processor, Renderer, Sampling, Spent, View,
     ViewSettings,
 };
-use corf_scene::config::{DatasetConfig, LightMethod, OpticalConfig};
+use corf_scene::config::{DatasetConfig, LightConfig, LightMethod};
 use corf_scene::dataset::Extras;
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Error, Light, Pinhole, Result, Rigid3, bounds};
@@ -44,16 +44,16 @@ pub enum LightDevice {
 }
 
 /// The camera of a dataset in its scene.
-pub struct OpticalSensor<'a> {
+pub struct LightSensor<'a> {
     renderer: Box<dyn Renderer + 'a>,
     intrinsics: Pinhole,
     sampling: Sampling,
     exposure_ev: f32,
     denoiser: Option<Box<dyn Denoise>>,
-    writes: OpticalConfig,
+    writes: LightConfig,
 }
 
-impl<'a> OpticalSensor<'a> {
+impl<'a> LightSensor<'a> {
     /// Makes a dataset's camera ready on a device: with cached light this solves the scene's. `tell` is told how many of how many
     /// tiles are done and
     /// answers whether to go on; `None` where it said no.
@@ -65,21 +65,21 @@ impl<'a> OpticalSensor<'a> {
         tracer: &'a LightTracer<'a>,
         device: &LightDevice,
         denoiser: Option<Box<dyn Denoise>>,
-        tell: &(dyn Fn(usize, usize) -> bool + Sync),
+        report: &(dyn Fn(usize, usize) -> bool + Sync),
     ) -> Result<Option<Self>> {
-        let optical = &config.optical;
-        let effort = optical.effort.unwrap_or(1);
+        let light = &config.light;
+        let effort = light.effort.unwrap_or(1);
         // Powers of two are stratified best.
-        let samples_per_pixel = optical.samples().saturating_mul(if effort > 1 { effort.next_power_of_two() } else { 1 });
-        let exposure_ev = optical.exposure_ev.unwrap_or(0.0) as f32;
-        let cache = match optical.method {
+        let samples_per_pixel = light.samples().saturating_mul(if effort > 1 { effort.next_power_of_two() } else { 1 });
+        let exposure_ev = light.exposure_ev.unwrap_or(0.0) as f32;
+        let cache = match light.method {
             LightMethod::Path => None,
             LightMethod::Cached => Some(cache_settings(config)),
         };
-        let sampling = match optical.method {
+        let sampling = match light.method {
             LightMethod::Path => Sampling::Path(LightSettings {
                 samples_per_pixel,
-                max_bounces: optical.max_bounces,
+                max_bounces: light.max_bounces,
                 seed: config.seed,
                 ..LightSettings::default()
             }),
@@ -92,16 +92,16 @@ impl<'a> OpticalSensor<'a> {
             }),
         };
         let renderer: Option<Box<dyn Renderer + 'a>> = match device {
-            LightDevice::Processor => processor(tracer, cache.as_ref(), tell),
+            LightDevice::Processor => processor(tracer, cache.as_ref(), report),
             #[cfg(feature = "gpu")]
             LightDevice::Gpu(options) => {
-                let gpu = light::GpuLight::new(tracer, cache.as_ref(), options, tell)?;
+                let gpu = light::GpuLight::new(tracer, cache.as_ref(), options, report)?;
                 gpu.map(|gpu| Box::new(gpu) as Box<dyn Renderer + 'a>)
             }
         };
         let Some(renderer) = renderer else { return Ok(None) };
-        let intrinsics = config.optical_camera();
-        Ok(Some(Self { renderer, intrinsics, sampling, exposure_ev, denoiser, writes: *optical }))
+        let intrinsics = config.light_camera();
+        Ok(Some(Self { renderer, intrinsics, sampling, exposure_ev, denoiser, writes: *light }))
     }
 
     /// The adapter that traces; `None` where the processor does.
@@ -255,10 +255,10 @@ impl<'a> OpticalSensor<'a> {
 fn processor<'a>(
     tracer: &'a LightTracer<'a>,
     cache: Option<&CacheSettings>,
-    tell: &(dyn Fn(usize, usize) -> bool + Sync),
+    report: &(dyn Fn(usize, usize) -> bool + Sync),
 ) -> Option<Box<dyn Renderer + 'a>> {
     let cache = match cache {
-        Some(settings) => Some(LightCache::new(tracer, settings, tell)?),
+        Some(settings) => Some(LightCache::new(tracer, settings, report)?),
         None => None,
     };
     Some(Box::new(Processor { tracer, cache }))
@@ -266,12 +266,12 @@ fn processor<'a>(
 
 /// Resolution and sampling of a dataset's light cache.
 fn cache_settings(config: &DatasetConfig) -> CacheSettings {
-    let is_small = config.optical.width * config.optical.height <= SMALL_IMAGE;
+    let is_small = config.light.width * config.light.height <= SMALL_IMAGE;
     let fineness = if is_small { CacheSettings::for_small_images() } else { CacheSettings::default() };
-    let effort = config.optical.effort.unwrap_or(1);
+    let effort = config.light.effort.unwrap_or(1);
     CacheSettings {
         seed: config.seed,
-        max_passes: config.optical.max_bounces,
+        max_passes: config.light.max_bounces,
         // The coarse lattice is averaged over all walks of a point.
         direct_rays: fineness.direct_rays.saturating_mul(effort),
         gather_walks: fineness.gather_walks.saturating_mul(effort),
