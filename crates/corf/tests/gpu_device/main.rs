@@ -1,23 +1,42 @@
-//! The GPU device against the CPU device: images, losses, gradients, steps, bookkeeping, on memory poisoned with NaN. Needs an adapter, a
+//! The GPU device: what holds of every device, and images, losses, gradients, steps, bookkeeping against the CPU device, on memory poisoned with NaN. Needs an adapter, a
 //! software one will do; without any the tests say so and pass, unless `CORF_REQUIRE_GPU=1`.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr)]
 
 mod masks;
 mod needles;
+#[macro_use]
+#[path = "../suite/mod.rs"]
+mod suite;
 mod support;
 
 use corf::{
-    Antialias, CpuDevice, Device, Gaussians, OptimizerConfig, RasterConfig,
-    device::{RenderRequest, Step, StepReport, TrainingView, View, ViewId, gpu::GpuOptions},
+    Antialias, CpuDevice, Device, Gaussians, OptimizerConfig, RasterConfig, Result,
+    device::{
+        RenderRequest, Step, StepReport, TrainingView, View, ViewId,
+        gpu::{GpuDevice, GpuOptions},
+    },
     gaussians::logit,
 };
 use corf_gpu::AdapterOptions;
 use corf_scene::{Pinhole, Rng};
+use suite::{Opened, Tested};
 use support::{
     OPTIONS, THRESHOLD_SHARE, bits, both, cameras, classes, compare_gradients, compare_renderings, image, metric_rates, noise,
     norm, one_camera, open, pair, pose, room, step, training_view,
 };
+
+impl Tested for GpuDevice {
+    fn gradients_of(&mut self, step: &Step) -> Result<(StepReport, Gaussians)> {
+        self.gradients(step)
+    }
+}
+
+fn on_gpu(optimizer: OptimizerConfig, raster: RasterConfig, g: &Gaussians) -> Result<Opened> {
+    Ok(Box::new(GpuDevice::new(&OPTIONS, optimizer, raster, g)?))
+}
+
+suite_on!(on_gpu, cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1"));
 
 #[test]
 #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]

@@ -1,6 +1,6 @@
 //! Pixels that do not count.
 
-use crate::support::{OPTIONS, bits, cameras, compare_gradients, metric_rates, one_camera, open, room, step, training_view};
+use crate::support::{OPTIONS, bits, compare_gradients, metric_rates, one_camera, open, room, step, training_view};
 use corf::{
     Antialias, CpuDevice, Device, OptimizerConfig, RasterConfig,
     device::{Step, TrainingView, gpu::GpuOptions},
@@ -57,20 +57,4 @@ fn masks_travel_with_their_keyframes() {
     assert!(run(u64::MAX, 1).unwrap().0 == whole, "one by one");
     let (bounded, [_, came]) = run(all / 2, 30).unwrap();
     assert!(bounded == whole && came > 0, "half of them in main memory");
-}
-
-#[test]
-#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
-fn a_mask_that_leaves_nothing_out_changes_no_byte() {
-    let g = room(18, 400, 3, [0, 0]);
-    let trained = |mask: Option<Raster<bool>>| {
-        let mut d = open(&OPTIONS, metric_rates(), RasterConfig::default(), &g)?;
-        d.upload(&TrainingView { mask, ..training_view(0, 3, true) }, 2).unwrap();
-        d.train(&[step(0, 0), step(0, 1), step(0, 0)]).unwrap();
-        Some(bits(&d.gaussians().unwrap()))
-    };
-    let Some(plain) = trained(None) else { return };
-    let (w, h) = (cameras().0.width, cameras().0.height);
-    assert!(trained(Some(Raster::filled(w, h, true))).unwrap() == plain);
-    assert!(trained(masked(training_view(0, 3, true)).mask).unwrap() != plain);
 }
