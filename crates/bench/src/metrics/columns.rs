@@ -168,9 +168,9 @@ pub const COLUMNS: &[Column] = &[
     Column::new("ssim_opt", "SSIM opt ↑", r"SSIM$_\mathrm{opt}^\uparrow$", 3)
         .is(|m| Some(m.light?.ssim_opt), "structural similarity of the 8-bit image: 11×11 Gaussian window of σ = 1.5, zero padding")
         .within(-1.0, 1.0),
-    Column::new("psnr_rf_jet", "PSNR rf (Jet) ↑", r"PSNR$_\mathrm{radio}^\uparrow$", 2)
+    Column::new("psnr_rf_jet", "PSNR rf (Jet) ↑", r"PSNR$_\mathrm{rf}^\uparrow$", 2)
         .is(|m| Some(m.spectrum?.psnr_rf_jet), "peak signal-to-noise ratio of the 8-bit Jet image of the spectrum, dB"),
-    Column::new("ssim_rf_jet", "SSIM rf (Jet) ↑", r"SSIM$_\mathrm{radio}^\uparrow$", 3)
+    Column::new("ssim_rf_jet", "SSIM rf (Jet) ↑", r"SSIM$_\mathrm{rf}^\uparrow$", 3)
         .is(|m| Some(m.spectrum?.ssim_rf_jet), "structural similarity of the 8-bit Jet image of the spectrum")
         .within(-1.0, 1.0),
     Column::new("psnr_rf_scalar", "PSNR rf (dB) ↑", r"PSNR$_\mathrm{rf,dB}^\uparrow$", 2).is(

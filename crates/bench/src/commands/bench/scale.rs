@@ -43,8 +43,7 @@ pub struct Scale {
     #[arg(long, value_parser = super::step::size)]
     size: Option<[usize; 2]>,
     /// RF image of steps and sequence, pixels.
-    #[arg(long, value_parser = super::step::size)]
-    #[arg(id = "rf", long = "rf")]
+    #[arg(long = "rf", value_parser = super::step::size, value_name = "RF")]
     radio: Option<[usize; 2]>,
     /// Dataset file (TOML) whose scene is traced (default: lobby147, which the program has in it).
     #[arg(long)]

@@ -35,8 +35,7 @@ pub struct Step {
     #[arg(long, value_parser = size, default_value = "640x480", conflicts_with = "cameras")]
     size: [usize; 2],
     /// RF image, pixels (default: as the optical one).
-    #[arg(long, value_parser = size)]
-    #[arg(id = "rf", long = "rf")]
+    #[arg(long = "rf", value_parser = size, value_name = "RF")]
     radio: Option<[usize; 2]>,
     /// Measure the six workloads that are published instead.
     #[arg(long)]

@@ -39,25 +39,20 @@ pub struct Import {
     #[arg(long)]
     no_images: bool,
     /// Folder of spectra, one for every image by file stem: EXR or .npy of linear power, grey PNG of 8 or 16 bits, or Jet PNG.
-    #[arg(long, value_name = "DIR")]
-    #[arg(id = "rf", long = "rf")]
+    #[arg(long = "rf", value_name = "DIR")]
     radio: Option<PathBuf>,
     /// Camera of the spectra, which stands where the images' does and is turned as it: its full horizontal field of view in degrees (square pixels,
     /// axis in the middle), or FX,FY,CX,CY in pixels. rf-3dgs has one; elsewhere it must be given.
-    #[arg(long, value_name = "HFOV|FX,FY,CX,CY")]
-    #[arg(id = "rf_camera", long = "rf-camera")]
+    #[arg(long = "rf-camera", value_name = "HFOV|FX,FY,CX,CY")]
     radio_camera: Option<Numbers>,
     /// Levels of the darkest and the brightest value of spectra that are pictures, dB; of others, the range that the data set is to have.
-    #[arg(long, value_name = "MIN,MAX")]
-    #[arg(id = "rf_db", long = "rf-db")]
+    #[arg(long = "rf-db", value_name = "MIN,MAX")]
     radio_db: Option<Numbers>,
     /// Unit of the values in EXR and .npy spectra (default: linear).
-    #[arg(long, value_enum)]
-    #[arg(id = "rf_values", long = "rf-values")]
+    #[arg(long = "rf-values", value_enum, value_name = "RF_VALUES")]
     radio_values: Option<Values>,
     /// Physical quantity of the spectra (default: unknown); of an unknown one no metrics of beams are computed.
-    #[arg(long, value_enum)]
-    #[arg(id = "rf_quantity", long = "rf-quantity")]
+    #[arg(long = "rf-quantity", value_enum, value_name = "RF_QUANTITY")]
     radio_quantity: Option<SpectrumQuantity>,
     /// Carrier, Hz.
     #[arg(long)]

@@ -149,7 +149,7 @@ pub fn latex(tables: &[Beside<'_, '_>], head: &str) -> String {
             "cc".repeat(figures.len())
         );
         figures.iter().for_each(|f| out.push_str(&format!(" & \\multicolumn{{2}}{{c}}{{{}}}", f.latex())));
-        out.push_str(" & \\multicolumn{2}{c}{$\\Delta$PSNR$_\\mathrm{radio}$} \\\\\n ");
+        out.push_str(" & \\multicolumn{2}{c}{$\\Delta$PSNR$_\\mathrm{rf}$} \\\\\n ");
         out.push_str(&" & ours & paper".repeat(figures.len() + 1));
         out.push_str(" \\\\\n  \\midrule\n");
         for line in &table.lines {

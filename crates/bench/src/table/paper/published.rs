@@ -55,9 +55,9 @@ impl Figure {
             PsnrOpt => r"PSNR$_\mathrm{opt}^\uparrow$",
             SsimOpt => r"SSIM$_\mathrm{opt}^\uparrow$",
             LpipsOpt => r"LPIPS$_\mathrm{opt}^\downarrow$",
-            PsnrRadio => r"PSNR$_\mathrm{radio}^\uparrow$",
-            SsimRadio => r"SSIM$_\mathrm{radio}^\uparrow$",
-            LpipsRadio => r"LPIPS$_\mathrm{radio}^\downarrow$",
+            PsnrRadio => r"PSNR$_\mathrm{rf}^\uparrow$",
+            SsimRadio => r"SSIM$_\mathrm{rf}^\uparrow$",
+            LpipsRadio => r"LPIPS$_\mathrm{rf}^\downarrow$",
             Time => r"Time$^\downarrow$ (s)",
         }
     }
