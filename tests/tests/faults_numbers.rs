@@ -240,6 +240,9 @@ fn sizes_are_refused_before_the_memory_is_taken() {
     let words = ["patches of 0.5 m", "GB", "in metres"];
     corf_refuses(&["dataset", "generate", text(&config), "--out", text(&out)], &words);
     corf_refuses(&["diffuse", text(&scene), "--rx", "4,3,1.5", "--patch-size", "0.5", "--directions", "1000"], &words);
+    // Patches as large as a town fit; tiles of light on half a million square kilometres do not.
+    let (_, config) = room(folder.path(), CONCRETE, "1 1 1", 1e5, "patch_size_m = 0.5|patch_size_m = 900");
+    corf_refuses(&["dataset", "generate", text(&config), "--out", text(&out)], &["tiles of light", "in metres", "method path"]);
     for (change, words) in [
         ("keyframes = 2|keyframes = 1000000000", ["keyframes", "at most 100000"]),
         ("photons = 1000\n|photons = 1000000000\n", ["rf.photons", "100 000 000"]),

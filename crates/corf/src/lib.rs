@@ -10,8 +10,8 @@
 //! let dataset = Dataset::open("data/mini")?; // of `corf dataset generate` or `corf dataset import`
 //! let config = ReconstructionConfig::default();
 //! let device = CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &config.empty_field())?;
-//! let (optical, rf, range) = (dataset.optical_camera(), dataset.rf_camera(), dataset.db_range().ok_or("no spectra")?);
-//! let mut reconstructor = Reconstructor::new(Box::new(device), config, optical, rf, range, 1)?;
+//! let (light, radio, range) = (dataset.light_camera(), dataset.radio_camera(), dataset.db_range().ok_or("no spectra")?);
+//! let mut reconstructor = Reconstructor::new(Box::new(device), config, light, radio, range, 1)?;
 //! for index in 0..dataset.len() {
 //!     reconstructor.push(&dataset.keyframe(index)?)?;
 //! }

@@ -91,6 +91,9 @@ impl<'a> LightSensor<'a> {
                 exposure_ev,
             }),
         };
+        if let Some(settings) = &cache {
+            LightCache::check_size(tracer, settings)?;
+        }
         let renderer: Option<Box<dyn Renderer + 'a>> = match device {
             LightDevice::Processor => processor(tracer, cache.as_ref(), report),
             #[cfg(feature = "gpu")]

@@ -6,6 +6,8 @@ use std::sync::OnceLock;
 
 /// Cells of a tile along each coordinate; it holds the points on its far edges too, so that it can be read by itself.
 pub(super) const TILE_CELLS: u32 = 8;
+/// Memory of a tile that nobody has asked for, bytes.
+pub(super) const EMPTY_TILE_BYTES: usize = size_of::<OnceLock<Box<Tile>>>();
 /// Small constant added to every point's weight in an interpolation, so that none is left out: four doubtful points are not read as
 /// darkness.
 const LEAST_SHARE: f32 = 1e-4;

@@ -33,6 +33,7 @@ pub(super) use packed::{Job, Packed};
 pub use view::ViewSettings;
 
 use charts::Charts;
+use corf_scene::{Error, Result, bounds};
 use direct::DirectSettings;
 use field::{Field, Received, Tile, rough_cells};
 
@@ -109,6 +110,37 @@ impl CacheSettings {
 const DIRECT_START: usize = 2;
 const INDIRECT_LEVELS: usize = 3;
 
+/// Edges of the lattices' cells, metres.
+struct Spacings {
+    coarse_m: f32,
+    direct_m: Vec<f32>,
+    indirect_m: Vec<f32>,
+}
+
+impl Spacings {
+    /// Those of a scene with so much surface.
+    fn of(area_m2: f64, settings: &CacheSettings) -> Self {
+        let coarse_m = ((area_m2 / settings.coarse_points.max(1) as f64).sqrt() as f32).clamp(1e-4, 0.5);
+        let mut direct_m = Vec::new();
+        let mut spacing_m = coarse_m;
+        while direct_m.len() <= DIRECT_START || spacing_m > settings.finest_m * 0.99 {
+            direct_m.push(spacing_m);
+            spacing_m *= 0.5;
+        }
+        let indirect_m = (0..INDIRECT_LEVELS).map(|k| coarse_m * 0.5f32.powi(k as i32)).collect();
+        Self { coarse_m, direct_m, indirect_m }
+    }
+}
+
+/// Surface of a scene's triangles, one side, m².
+fn surface_m2(tracer: &LightTracer<'_>) -> f64 {
+    let areas = (0..tracer.scene.triangles.len()).map(|i| {
+        let [a, b, c] = tracer.scene.corners(i);
+        f64::from(0.5 * (b - a).cross(c - a).length())
+    });
+    areas.filter(|a| a.is_finite()).sum()
+}
+
 /// A scene's light, ready to be looked up.
 #[derive(Debug)]
 pub struct LightCache<'a> {
@@ -140,23 +172,29 @@ impl<'a> LightCache<'a> {
     /// Charts and empty lattices.
     pub(super) fn unsolved(tracer: &'a LightTracer<'a>, settings: &CacheSettings) -> Self {
         let charts = Charts::new(tracer.scene);
-        let area: f64 = (0..tracer.scene.triangles.len())
-            .map(|i| {
-                let [a, b, c] = tracer.scene.corners(i);
-                f64::from(0.5 * (b - a).cross(c - a).length())
-            })
-            .filter(|a| a.is_finite())
-            .sum();
-        let coarse_m = ((area / settings.coarse_points.max(1) as f64).sqrt() as f32).clamp(1e-4, 0.5);
-        let mut direct = Vec::new();
-        let mut spacing_m = coarse_m;
-        while direct.len() <= DIRECT_START || spacing_m > settings.finest_m * 0.99 {
-            direct.push(Field::new(&charts, spacing_m));
-            spacing_m *= 0.5;
-        }
-        let indirect = (0..INDIRECT_LEVELS).map(|k| Field::new(&charts, coarse_m * 0.5f32.powi(k as i32))).collect();
-        let coarse = Field::new(&charts, coarse_m);
+        let spacings = Spacings::of(surface_m2(tracer), settings);
+        let fields = |spacings_m: &[f32]| spacings_m.iter().map(|spacing_m| Field::new(&charts, *spacing_m)).collect();
+        let (direct, indirect) = (fields(&spacings.direct_m), fields(&spacings.indirect_m));
+        let coarse = Field::new(&charts, spacings.coarse_m);
         Self { tracer, charts, coarse, direct, indirect, mean_light: 0.0, settings: *settings }
+    }
+
+    /// Refuses a scene whose lattices, still empty, would not fit the memory.
+    ///
+    /// # Errors
+    /// They do not: it is mostly a model in other units than metres.
+    pub fn check_size(tracer: &LightTracer<'_>, settings: &CacheSettings) -> Result<()> {
+        let area_m2 = surface_m2(tracer);
+        let Spacings { coarse_m, direct_m, indirect_m } = Spacings::of(area_m2, settings);
+        let edges_m =
+            [coarse_m].into_iter().chain(direct_m).chain(indirect_m).map(|s| f64::from(s) * f64::from(field::TILE_CELLS));
+        let tiles: f64 = edges_m.map(|edge_m| 2.0 * area_m2 / (edge_m * edge_m)).sum();
+        let what = format!("{tiles:.3e} tiles of light on {area_m2:.3e} m² of surface");
+        let help = "give the scene in metres, or choose the method path";
+        if tiles > f64::from(u32::MAX) {
+            return Err(Error::invalid("light", format!("{what} are more than can be numbered"), help));
+        }
+        bounds::memory("light", &what, tiles * field::EMPTY_TILE_BYTES as f64, help)
     }
 
     /// Takes the coarse lattice's light for solved.

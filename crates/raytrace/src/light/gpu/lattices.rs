@@ -5,10 +5,10 @@
 //! when and with which others it is filled.
 
 use super::super::cache::{Job, Packed};
+use super::pace::Pace;
 use super::params::{MOST_FIELDS, Params};
 use super::scene::upload;
 use super::shaders::{self, PAGES, PageSize};
-use super::views::Pace;
 use super::{GROUP, GpuLight};
 use corf_gpu::{Bound, Context, Kernel};
 use corf_scene::{Error, Result};

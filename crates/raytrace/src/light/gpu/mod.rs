@@ -10,6 +10,7 @@
 mod clock;
 mod commands;
 mod lattices;
+mod pace;
 mod params;
 #[cfg(test)]
 mod probe;
@@ -26,13 +27,14 @@ use corf_gpu::{AdapterOptions, Bound, Context, Kernel};
 use corf_scene::{Error, Pinhole, Raster, Result};
 use glam::Vec3;
 use lattices::{Lattices, TileKernels};
+use pace::Pace;
 use params::{PARAMS_BYTES, Params};
 use rayon::prelude::*;
 use scene::SceneBuffers;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
-use views::{Frame, Pace};
+use views::Frame;
 
 /// Threads of a workgroup.
 const GROUP: u32 = 64;
