@@ -29,6 +29,7 @@ mod record;
 mod report;
 mod scratch;
 pub mod testing;
+mod timestamps;
 
 pub use adapter::{AdapterOptions, MATRIX_THREADS, adapter_name, adapter_names, multiplies_in_half};
 pub use context::{Context, Reading, STORAGE_BUFFERS};
@@ -36,3 +37,4 @@ pub use kernel::{ARGS_STRIDE, Bound, GROUP_NUMBER, Kernel, ROW, SIN_COS, UNIFORM
 pub use record::Wgsl;
 pub use report::{AdapterReport, adapter_reports};
 pub use scratch::Scratch;
+pub use timestamps::Timestamps;

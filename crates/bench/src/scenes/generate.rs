@@ -10,7 +10,7 @@ use crate::terminal::messages;
 use crate::terminal::progress::Progress;
 use anyhow::{Result, bail};
 use corf_raytrace::bvh::Bvh;
-use corf_raytrace::light::{LightTracer, Spent};
+use corf_raytrace::light::{LightTracer, Spent, Stages};
 use corf_raytrace::radio::RadioTracer;
 pub use corf_raytrace::sensor::diffuse_settings;
 use corf_raytrace::sensor::{
@@ -22,12 +22,11 @@ use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Error, Finding, Light, Scene, Severity, bounds, radio_check};
 use rayon::prelude::*;
 use std::collections::VecDeque;
-use std::fmt::{Display, Formatter};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 /// A dataset, and what is to be said of it.
 pub struct Generated {
@@ -170,22 +169,22 @@ fn trace_and_write(
     }
     let mut progress = Progress::start(format!("keyframes of {name}"), all, "keyframes");
     let mut done = all - missing.len();
-    let times = Times::default();
+    let stages = Stages::default();
     let mut traced: Vec<(usize, KeyframeContent)> = Vec::new();
     let write = |traced: &[(usize, KeyframeContent)]| {
-        traced.par_iter().try_for_each(|(i, frame)| times.of("files", || writer.write_frame(*i, frame)))
+        traced.par_iter().try_for_each(|(i, frame)| stages.time("files", || writer.write_frame(*i, frame)))
     };
     for together in missing.chunks(at_once) {
         interrupt::check()?;
         traced = match &mut seen {
             Some(seen) => {
-                let hear = |pose: &&TrajectoryPose| times.of("radio", || platform.hear(pose));
+                let hear = |pose: &&TrajectoryPose| stages.time("radio", || platform.hear(pose));
                 let hear = || together.par_iter().map(hear).collect::<corf_scene::Result<Vec<_>>>();
                 let (written, heard) = rayon::join(|| write(&traced), hear);
                 written?;
                 done += traced.len();
                 let keyframe = |(pose, radio): (&&TrajectoryPose, _)| {
-                    Ok((pose.index, joined(times.of("waiting for light", || seen.next())?, radio)))
+                    Ok((pose.index, joined(stages.time("waiting for light", || seen.next())?, radio)))
                 };
                 together.iter().zip(heard?).map(keyframe).collect::<Result<Vec<_>>>()?
             }
@@ -204,7 +203,8 @@ fn trace_and_write(
     progress.set(all, all);
     progress.finish();
     if seen.is_some() {
-        note!("  in seconds of threads: {times}");
+        let spent: Vec<String> = stages.spent().iter().map(|s| format!("{} {:.1}", s.what, s.seconds)).collect();
+        note!("  in seconds of threads: {}", spent.join(", "));
         note!("  light, in seconds: {}", spent_text(&platform.camera.spent()));
     }
     Ok(())
@@ -253,33 +253,6 @@ fn camera_unless<'a>(
 pub fn spent_text(spent: &[Spent]) -> String {
     let one = |s: &Spent| format!("{} {:.2} ({})", s.what, s.seconds, s.times);
     spent.iter().map(one).collect::<Vec<_>>().join(", ")
-}
-
-/// Seconds that threads spend on parts of the work.
-#[derive(Default)]
-struct Times(Mutex<Vec<(&'static str, f64)>>);
-
-impl Times {
-    /// Does something and adds the time that it takes to a part's.
-    fn of<T>(&self, part: &'static str, work: impl FnOnce() -> T) -> T {
-        let start = Instant::now();
-        let done = work();
-        let seconds = start.elapsed().as_secs_f64();
-        let mut times = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        match times.iter_mut().find(|(name, _)| *name == part) {
-            Some((_, sum)) => *sum += seconds,
-            None => times.push((part, seconds)),
-        }
-        done
-    }
-}
-
-impl Display for Times {
-    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        let times = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let parts: Vec<String> = times.iter().map(|(part, seconds)| format!("{part} {seconds:.1}")).collect();
-        f.write_str(&parts.join(", "))
-    }
 }
 
 /// What the GPU has seen of some keyframes.

@@ -22,6 +22,7 @@ mod gpu;
 mod path;
 mod renderer;
 mod sampler;
+mod stages;
 mod surface;
 mod texture;
 mod triangle;
@@ -35,7 +36,8 @@ pub use cache::{CacheSettings, LightCache, ViewSettings};
 pub use develop::{develop, develop_frame, develop_pixel};
 #[cfg(feature = "gpu")]
 pub use gpu::GpuLight;
-pub use renderer::{Developed, Processor, Renderer, Sampling, Spent, View};
+pub use renderer::{Developed, Processor, Renderer, Sampling, View};
+pub use stages::{Spent, Stages};
 
 use crate::bvh::{Bvh, Ray};
 use corf_scene::model::Texture;

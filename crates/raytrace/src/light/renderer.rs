@@ -1,8 +1,7 @@
 //! The seam between a camera and the device that traces for it.
 
-use super::{LightCache, LightFrame, LightSettings, LightTracer, ViewSettings, develop_frame};
+use super::{LightCache, LightFrame, LightSettings, LightTracer, Spent, ViewSettings, develop_frame};
 use corf_scene::{Pinhole, Raster, Result, Rigid3};
-use serde::Serialize;
 
 /// A place to look from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,17 +33,6 @@ pub struct Developed {
     pub surface: Raster<u32>,
     /// Whether the radiance of every pixel is a finite number.
     pub finite: bool,
-}
-
-/// Time that a stage of the work took, of all the times that it was done.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Spent {
-    /// The stage; `gpu: …` where the device itself says so, else by the wall.
-    pub what: &'static str,
-    /// Seconds.
-    pub seconds: f64,
-    /// How often.
-    pub times: u64,
 }
 
 /// A device that renders views of one scene. The same device, scene, settings and key give the same bytes, whatever was rendered

@@ -13,7 +13,7 @@ use crate::{
     Error, Gaussians, OptimizerConfig, Result,
     device::{DenseStep, Step, StepReport, cpu::pyramid::check_levels},
 };
-use corf_gpu::{Context, Reading};
+use corf_gpu::{Context, Reading, Timestamps};
 use std::collections::BTreeMap;
 
 /// Names of a step's kernels, in order.
@@ -245,14 +245,15 @@ impl GpuDevice {
             let views: Vec<usize> = some.iter().map(|s| s.view.0).collect();
             let some = &some[..self.keyframe_cache.bring(context, &views)?];
             self.bind_losses(uniform, some, &mut losses)?;
-            let clock = if self.timing { Some(Clock::new(context, some.len())?) } else { None };
+            let stamps = (some.len() * (STAGES.len() + 1)) as u32;
+            let clock = self.timing.then(|| Timestamps::new(context, stamps)).transpose()?;
             let mut encoder = context.encoder();
             {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
                 let mut stamped = 0;
                 let mut mark = |pass: &mut wgpu::ComputePass<'_>| {
                     if let Some(clock) = &clock {
-                        pass.write_timestamp(&clock.queries, stamped);
+                        pass.write_timestamp(clock.queries(), stamped);
                         stamped += 1;
                     }
                 };
@@ -270,11 +271,11 @@ impl GpuDevice {
                 }
             }
             if let Some(clock) = &clock {
-                clock.resolve(&mut encoder);
+                clock.resolve(&mut encoder, stamps);
             }
             context.submit(encoder);
             if let Some(clock) = clock {
-                clock.read(context, &mut self.times)?;
+                self.times.add(context, &clock.read(context, stamps)?);
             }
             done += some.len();
             many = (2 * many).min(STEPS_PER_SUBMISSION);
@@ -340,38 +341,14 @@ fn report_of(p: &Params, visible: usize, blocks: &[u32], ssim_weight: f32) -> St
     StepReport { light_loss: loss(0), radio_loss: loss(1), depth_loss, visible }
 }
 
-/// Timestamps around the stages of some steps.
-struct Clock {
-    queries: wgpu::QuerySet,
-    resolved: wgpu::Buffer,
-    count: u32,
-}
-
-impl Clock {
-    fn new(context: &Context, steps: usize) -> Result<Self> {
-        let count = (steps * (STAGES.len() + 1)) as u32;
-        let queries = context.device.create_query_set(&wgpu::QuerySetDescriptor {
-            label: Some("stages"),
-            ty: wgpu::QueryType::Timestamp,
-            count,
-        });
-        let resolved = context.buffer("timestamps", u64::from(count) * 8, wgpu::BufferUsages::QUERY_RESOLVE)?;
-        Ok(Self { queries, resolved, count })
-    }
-
-    fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.resolve_query_set(&self.queries, 0..self.count, &self.resolved, 0);
-    }
-
-    fn read(&self, context: &Context, times: &mut GpuStageTimes) -> Result<()> {
-        let stamps = context.read::<u64>("timestamps", &[(&self.resolved, self.count as usize)])?;
-        let period = f64::from(context.queue.get_timestamp_period()) * 1e-9;
-        for step in stamps[0].chunks_exact(STAGES.len() + 1) {
-            times.steps += 1;
-            for (sum, pair) in times.seconds.iter_mut().zip(step.windows(2)) {
-                *sum += pair[1].saturating_sub(pair[0]) as f64 * period;
+impl GpuStageTimes {
+    /// Adds the times between the timestamps around the stages of some steps.
+    fn add(&mut self, context: &Context, stamps: &[u64]) {
+        for step in stamps.chunks_exact(STAGES.len() + 1) {
+            self.steps += 1;
+            for (sum, pair) in self.seconds.iter_mut().zip(step.windows(2)) {
+                *sum += Timestamps::seconds(context, pair[0], pair[1]);
             }
         }
-        Ok(())
     }
 }

@@ -128,17 +128,17 @@ impl<'a> GpuLight<'a> {
         let start = Instant::now();
         let context = Context::open(options)?;
         let clock = Clock::new(&context)?;
-        clock.add("adapter", start.elapsed().as_secs_f64());
-        let tree = clock.wall("tree", || scene::tree(tracer));
+        clock.stages.add("adapter", start.elapsed().as_secs_f64());
+        let tree = clock.stages.time("tree", || scene::tree(tracer));
         let constants = scene::constants(tracer, &tree);
         // Drivers take seconds to compile; meanwhile charts are cut and the scene is brought over. The pool may be busy with other work.
-        let compile = || clock.wall("kernels", || Kernels::new(&context, &constants, cache.is_some()));
+        let compile = || clock.stages.time("kernels", || Kernels::new(&context, &constants, cache.is_some()));
         let (kernels, rest) = std::thread::scope(|scope| {
             let kernels = scope.spawn(compile);
             let rest = || -> Result<_> {
-                let packed = clock.wall("charts", || cache.map(|settings| Packed::new(tracer, settings)).transpose())?;
+                let packed = clock.stages.time("charts", || cache.map(|settings| Packed::new(tracer, settings)).transpose())?;
                 let chart_of = |triangle| packed.as_ref().map_or(0, |p| p.chart_of(triangle));
-                let scene = clock.wall("scene", || SceneBuffers::new(&context, tracer, &tree, chart_of))?;
+                let scene = clock.stages.time("scene", || SceneBuffers::new(&context, tracer, &tree, chart_of))?;
                 Ok((packed, scene))
             };
             let rest = rest();
@@ -172,7 +172,7 @@ impl<'a> GpuLight<'a> {
         if let Some(packed) = packed {
             let start = Instant::now();
             let Some(lattices) = Lattices::new(&gpu, packed, report)? else { return Ok(None) };
-            gpu.clock.add("coarse solution", start.elapsed().as_secs_f64());
+            gpu.clock.stages.add("coarse solution", start.elapsed().as_secs_f64());
             gpu.state().lattices = Some(lattices);
         }
         Ok(Some(gpu))
@@ -212,9 +212,9 @@ impl Renderer for GpuLight<'_> {
                 let parts: Vec<_> = (0..together.len()).map(|k| (&frame.sums, k * words, words)).collect();
                 self.context.begin_reading_parts::<u32>("rendering light", &parts)?
             };
-            let read = self.clock.wall("reading back", || reading.finish(&self.context))?;
+            let read = self.clock.stages.time("reading back", || reading.finish(&self.context))?;
             let unpack = || together.iter().zip(&read).map(|(view, words)| light_frame(camera, view, words)).collect::<Vec<_>>();
-            frames.extend(self.clock.wall("unpacking", unpack));
+            frames.extend(self.clock.stages.time("unpacking", unpack));
         }
         Ok(frames)
     }
@@ -234,7 +234,7 @@ impl Renderer for GpuLight<'_> {
                 let sources: Vec<_> = planes.chain([(&frame.work, 0, views::WORK_HEAD as usize)]).collect();
                 self.context.begin_reading_parts::<u32>("developing", &sources)?
             };
-            let mut read = self.clock.wall("reading back", || reading.finish(&self.context))?;
+            let mut read = self.clock.stages.time("reading back", || reading.finish(&self.context))?;
             let not_finite = read.pop().map_or(0, |head| head[views::NOT_FINITE]);
             let developed = |(view, words): (usize, &Vec<u32>)| {
                 let raster =
@@ -246,7 +246,7 @@ impl Renderer for GpuLight<'_> {
                     finite: not_finite >> view & 1 == 0,
                 }
             };
-            images.extend(self.clock.wall("unpacking", || read.iter().enumerate().map(developed).collect::<Vec<_>>()));
+            images.extend(self.clock.stages.time("unpacking", || read.iter().enumerate().map(developed).collect::<Vec<_>>()));
         }
         Ok(images)
     }
@@ -269,7 +269,7 @@ impl Renderer for GpuLight<'_> {
         // Stamps that cannot be read are of a device that is lost, which whoever renders is told.
         let _held = self.state();
         let _ = self.clock.collect(&self.context);
-        self.clock.spent()
+        self.clock.stages.spent()
     }
 }
 

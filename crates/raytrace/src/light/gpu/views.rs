@@ -195,7 +195,7 @@ impl<'a> GpuLight<'a> {
         commands.submit();
         self.context.check("rendering light")?;
         self.read_stamps()?;
-        self.clock.add("rendering", start.elapsed().as_secs_f64());
+        self.clock.stages.add("rendering", start.elapsed().as_secs_f64());
         Ok((frame, params))
     }
 
@@ -300,7 +300,7 @@ impl<'a> GpuLight<'a> {
                 self.clear_length(frame, WANTED);
                 let start = Instant::now();
                 lattices.fill(self, pace, params, wanted)?;
-                self.clock.add("asking for tiles", start.elapsed().as_secs_f64());
+                self.clock.stages.add("asking for tiles", start.elapsed().as_secs_f64());
             }
             self.read_stamps()?;
             items = Items { list: other as u32 + 1, count: head[other], parts: vec![(head[other], most)] };
@@ -311,7 +311,7 @@ impl<'a> GpuLight<'a> {
     /// Reads the device's timestamps where that is worth a wait.
     fn read_stamps(&self) -> Result<()> {
         let is_due = self.clock.passes() >= super::clock::WORTH_READING;
-        if is_due { self.clock.wall("waiting", || self.clock.collect(&self.context)) } else { Ok(()) }
+        if is_due { self.clock.stages.time("waiting", || self.clock.collect(&self.context)) } else { Ok(()) }
     }
 
     /// Sets a word of the head of `work` to zero.
@@ -325,7 +325,7 @@ impl<'a> GpuLight<'a> {
     fn head(&self, frame: &Frame, tiles: u32) -> Result<(Vec<u32>, Vec<u32>)> {
         let words = (u64::from(WORK_HEAD) + u64::from(tiles)).min(frame.work.size() / 4) as usize;
         let read = || self.context.read::<u32>("rendering light", &[(&frame.work, words)]);
-        let mut head = self.clock.wall("waiting", read)?.remove(0);
+        let mut head = self.clock.stages.time("waiting", read)?.remove(0);
         let tiles = head.split_off(WORK_HEAD as usize);
         Ok((head, tiles))
     }
