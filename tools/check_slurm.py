@@ -2,8 +2,8 @@
 
     tools/slurm_local.sh start; python3 tools/check_slurm.py CORF; tools/slurm_local.sh stop
 
-CORF is the program. The folder has an odd name. One job is requeued while it runs, as when its node had died; its log keeps what was
-said before. A plan of one cell more than an array takes is submitted as two arrays, held, and cancelled. Exit code 1 where a number
+CORF is the program. The folder has an odd name. One job is requeued while it runs, as when its node had died: Slurm counts one restart,
+and the log begins with what it held before. A plan of one cell more than an array takes is submitted as two arrays, held, and cancelled. Exit code 1 where a number
 differs, a job does not end, or something else was submitted than is said.
 """
 
@@ -21,7 +21,7 @@ seeds = [1, 2]
 label = "CORF-GS"
 method = "corf-gs"
 [row.config]
-iterations_per_keyframe = 60
+iterations_per_keyframe = 600
 [[row]]
 label = "nearest"
 method = "nearest"
@@ -57,6 +57,12 @@ def queue():
     return [line.split() for line in run("squeue", "--noheader", "--array", "--format=%i %T").splitlines()]
 
 
+def log_of(out, job):
+    """What a job of the array has said so far."""
+    path = out / "logs" / f"{job}.log"
+    return path.read_text() if path.exists() else ""
+
+
 def main(corf):
     """Runs the comparison both ways."""
     corf = Path(corf).resolve()
@@ -68,17 +74,19 @@ def main(corf):
         out = folder / ODD_NAME
         run(corf, "bench", "plan", folder / "plan.toml", "--out", out)
         print(run(corf, "bench", "submit", out, "--slurm", "--device", "cpu", "--sbatch=--cpus-per-task=1").strip())
-        requeued, begin = None, time.time()
+        requeued, said_before, begin = None, "", time.time()
         while jobs := queue():
             if time.time() - begin > PATIENCE_S:
                 sys.exit(f"the jobs did not end within {PATIENCE_S} s: {jobs}")
             running = [job for job, state in jobs if state == "RUNNING" and "_" in job]
-            if requeued is None and running:
-                time.sleep(0.5)
-                requeued = running[0]
+            # A job that has said something is one whose program runs, and a cell takes seconds, so that it is still running.
+            speaking = [job for job in running if log_of(out, job)]
+            if requeued is None and speaking:
+                requeued = speaking[0]
+                said_before = log_of(out, requeued)
                 subprocess.run(["scontrol", "requeue", requeued], check=True)
                 print(f"requeued {requeued}")
-            time.sleep(0.5)
+            time.sleep(0.1)
         if requeued is None:
             sys.exit("no job was seen running, so that none was requeued")
         for name in ["corf-gs-seed1", "corf-gs-seed2", "nearest-seed1", "nearest-seed2"]:
@@ -90,8 +98,11 @@ def main(corf):
         logs = sorted(path.name for path in (out / "logs").iterdir())
         if len(logs) != 5 or "collect.log" not in logs:
             sys.exit(f"the logs of four cells and of the collecting job are {logs}")
-        if "REQUEUE" not in (out / f"logs/{requeued}.log").read_text():
-            sys.exit(f"the log of {requeued} does not hold what was said before it was requeued")
+        said = log_of(out, requeued)
+        if not said.startswith(said_before) or len(said) == len(said_before):
+            sys.exit(f"the log of {requeued} is {said!r}; before it was requeued it was {said_before!r}")
+        if "Restarts=1 " not in run("scontrol", "show", "job", requeued):
+            sys.exit(f"Slurm did not run {requeued} twice")
         print("4 cells of a job array have the numbers of `corf bench run`, one of them requeued while it ran")
         long_sweep(corf, folder)
 
