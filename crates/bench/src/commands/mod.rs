@@ -1,5 +1,6 @@
 //! One file a sub-command: arguments in, library calls, a verdict out.
 
+mod assignments;
 mod bench;
 mod check;
 mod completions;

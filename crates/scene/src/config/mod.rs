@@ -7,9 +7,11 @@ mod dataset;
 mod load;
 mod lobe;
 mod scene;
+mod spectrum;
 
 pub use crate::import::UpAxis;
 pub use antenna::{AntennaPattern, BeamConfig, Orientation, Polarization, RearHalfSpace, ReceiverConfig, TransmitterConfig};
-pub use dataset::{DatasetConfig, Denoiser, LightConfig, LightMethod, SpectrumConfig, SpectrumKind, SplitConfig};
+pub use dataset::{DatasetConfig, Denoiser, LightConfig, LightMethod, SplitConfig};
 pub use load::{from_toml, nearest, read_toml};
 pub use scene::{RadioConfig, SceneConfig, SceneFile};
+pub use spectrum::{SpectrumConfig, SpectrumKind};

@@ -7,8 +7,9 @@ mod play;
 use self::export::Export;
 use self::import::Import;
 use self::play::Play;
-use super::{Verdict, print, show};
+use super::{Verdict, assignments, print, show};
 use crate::device::DeviceChoice;
+use crate::methods;
 use crate::scenes::generate::{self, Generated, Options};
 use anyhow::Result;
 use clap::{Args, Subcommand};
@@ -47,6 +48,9 @@ pub struct Generate {
     /// Output folder.
     #[arg(long)]
     out: PathBuf,
+    /// One key of the configuration, `key=value` in TOML notation, e.g. optical.effort=4; may be repeated and wins over the file.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
     /// Number of keyframes, instead of the configuration's.
     #[arg(long)]
     keyframes: Option<usize>,
@@ -116,7 +120,8 @@ fn summary(dataset: &Dataset) -> String {
 
 impl Generate {
     fn run(self, json: bool) -> Result<Verdict> {
-        let mut config = DatasetConfig::load(&self.config)?;
+        let overrides = assignments::table(&self.overrides)?;
+        let mut config = DatasetConfig::load_with(&self.config, |file| methods::merge(file, overrides))?;
         if let Some(keyframes) = self.keyframes {
             config.keyframes = keyframes;
             // A segment chosen for another length means nothing here; the default follows the length.
