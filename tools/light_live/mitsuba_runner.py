@@ -12,8 +12,8 @@ from . import bsdf
 
 # What Mitsuba looks through in shadow rays, which its plain path integrator does not.
 SEEN_THROUGH = {"thindielectric", "mask"}
-# Paths that are followed at once; a render is made of as many passes as that takes.
-MAX_WAVEFRONT = 2**23
+# Paths that are followed at once; a render is made of as many passes as that takes. Each pass is recorded anew, which a GPU would wait for.
+MAX_WAVEFRONT = {"llvm": 2**23, "cuda": 2**27}
 
 
 def coupled(element):
@@ -74,7 +74,7 @@ class Theirs:
         """Linear radiance of a view, (height, width, 3) float64, and the seconds it took."""
         sensor = self.scene.sensors()[view]
         width, height = sensor.film().size()
-        each = max(1, min(samples, MAX_WAVEFRONT // (width * height)))
+        each = max(1, min(samples, MAX_WAVEFRONT[mi.variant().split("_")[0]] // (width * height)))
         passes = -(-samples // each)
         begin = time.perf_counter()
         total = np.zeros((height, width, 3))

@@ -2,6 +2,28 @@
 
 use crate::methods;
 use anyhow::Result;
+use clap::Args;
+use corf_scene::config::DatasetConfig;
+use std::path::Path;
+
+/// Keys of a data set's configuration, changed on the command line.
+#[derive(Args)]
+pub struct DatasetKeys {
+    /// One key of the configuration, `key=value` in TOML notation, e.g. optical.effort=4; may be repeated and wins over the file.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+}
+
+impl DatasetKeys {
+    /// The configuration of a file with these keys changed.
+    ///
+    /// # Errors
+    /// As [`DatasetConfig::load_with`]; a line that is not `KEY=VALUE`.
+    pub fn load(&self, path: &Path) -> Result<DatasetConfig> {
+        let overrides = table(&self.overrides)?;
+        Ok(DatasetConfig::load_with(path, |file| methods::merge(file, overrides))?)
+    }
+}
 
 /// The table that `--set` lines say together; a later line wins.
 ///

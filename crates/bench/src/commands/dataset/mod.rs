@@ -7,14 +7,13 @@ mod play;
 use self::export::Export;
 use self::import::Import;
 use self::play::Play;
-use super::{Verdict, assignments, print, show};
+use super::assignments::DatasetKeys;
+use super::{Verdict, print, show};
 use crate::device::DeviceChoice;
-use crate::methods;
 use crate::scenes::generate::{self, Generated, Options};
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use corf_scene::Severity;
-use corf_scene::config::DatasetConfig;
 use corf_scene::dataset::{self, Dataset};
 use std::path::PathBuf;
 
@@ -48,9 +47,8 @@ pub struct Generate {
     /// Output folder.
     #[arg(long)]
     out: PathBuf,
-    /// One key of the configuration, `key=value` in TOML notation, e.g. optical.effort=4; may be repeated and wins over the file.
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    overrides: Vec<String>,
+    #[command(flatten)]
+    keys: DatasetKeys,
     /// Number of keyframes, instead of the configuration's.
     #[arg(long)]
     keyframes: Option<usize>,
@@ -120,8 +118,7 @@ fn summary(dataset: &Dataset) -> String {
 
 impl Generate {
     fn run(self, json: bool) -> Result<Verdict> {
-        let overrides = assignments::table(&self.overrides)?;
-        let mut config = DatasetConfig::load_with(&self.config, |file| methods::merge(file, overrides))?;
+        let mut config = self.keys.load(&self.config)?;
         if let Some(keyframes) = self.keyframes {
             config.keyframes = keyframes;
             // A segment chosen for another length means nothing here; the default follows the length.

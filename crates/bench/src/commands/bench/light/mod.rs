@@ -2,6 +2,7 @@
 
 mod text;
 
+use super::super::assignments::DatasetKeys;
 use super::super::{Verdict, show};
 use crate::device::{Backend, DeviceChoice};
 use crate::files::output::FreshFolder;
@@ -18,7 +19,6 @@ use clap::Args;
 use corf_raytrace::bvh::{Bvh, Ray};
 use corf_raytrace::light::{self, LightFrame, LightSettings, LightTracer, Spent};
 use corf_raytrace::sensor::LightSensor;
-use corf_scene::config::DatasetConfig;
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Pinhole, Raster, Rigid3, Rng, Scene, io, radio_check};
 use glam::DVec3;
@@ -31,6 +31,8 @@ use std::time::Instant;
 pub struct Light {
     /// Dataset configuration (TOML), e.g. scenes/lobby-mini.toml.
     config: PathBuf,
+    #[command(flatten)]
+    keys: DatasetKeys,
     /// Views, evenly along the trajectory.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     views: u32,
@@ -161,7 +163,7 @@ impl Light {
     /// A bad configuration or scene, an interrupt.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let device = self.device.resolve()?;
-        let config = DatasetConfig::load(&self.config)?;
+        let config = self.keys.load(&self.config)?;
         let scene_config = config.load_scene_config()?;
         let scene = in_use::load(&scene_config)?;
         let denoiser = Oidn::asked_for(&config)?;
