@@ -19,6 +19,7 @@ mod connection;
 mod growth;
 pub mod guard;
 mod keyframe;
+mod opening;
 mod page;
 mod peaks;
 mod points;

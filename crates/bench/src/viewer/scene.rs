@@ -41,6 +41,8 @@ pub(super) struct SceneDocument {
     /// Position, metres.
     transmitter: Option<[f64; 3]>,
     keyframes: Vec<KeyframeEntry>,
+    /// Index of the keyframe that the page opens on.
+    opening: usize,
     field: Option<FieldLayout>,
     points: PointCounts,
     ramps: Ramps,
@@ -210,6 +212,7 @@ impl SceneDocument {
             unit_short,
             transmitter: header.transmitter.map(|t| t.position_m),
             keyframes: dataset.poses().iter().enumerate().map(keyframe).collect(),
+            opening: subject.opening,
             field,
             points,
             ramps: Ramps { jet: ramp(|t| jet(t).map(quantize8)), heat: ramp(heat) },

@@ -1,6 +1,7 @@
 //! What is looked at: a run with its data set, a data set alone, or a reconstruction at work.
 
 use super::growth::Growth;
+use super::opening::opening;
 use crate::device::{Backend, DeviceChoice};
 use crate::methods::interface::Predictor;
 use crate::metrics::Evaluator;
@@ -61,6 +62,8 @@ pub struct Subject {
     pub(super) run: Option<Run>,
     /// The reconstruction at work.
     pub(super) work: Option<Work>,
+    /// Index of the keyframe that the page opens on.
+    pub(super) opening: usize,
 }
 
 /// The one run that a comparison's folder keeps.
@@ -117,7 +120,7 @@ impl Subject {
             );
         }
         ensure!(dataset.is_none(), "{} is a data set itself\n  help: leave --dataset out", folder.display());
-        Ok(Self { dataset: verify.open(folder)?.dataset, run: None, work: None })
+        Ok(Self { dataset: verify.open(folder)?.dataset, run: None, work: None, opening: 0 })
     }
 
     /// Opens a run folder; `dataset` says where its data set is now, if it has moved, `backend` renders its predictions.
@@ -129,12 +132,13 @@ impl Subject {
         let raster = open::raster_of(folder, &info)?;
         let field = raster.map(|raster| Ok::<_, corf::Error>((Field::read(folder)?, raster))).transpose()?;
         let evaluator = Evaluator::of(&input);
-        Ok(Self { dataset: input.dataset, run: Some(Run { info, split, predictor, evaluator, field }), work: None })
+        let opening = opening(folder, &info, &split);
+        Ok(Self { dataset: input.dataset, run: Some(Run { info, split, predictor, evaluator, field }), work: None, opening })
     }
 
     /// A reconstruction at work on a data set.
     pub(super) fn at_work(dataset: Dataset, work: Work) -> Self {
-        Self { dataset, run: None, work: Some(work) }
+        Self { dataset, run: None, work: Some(work), opening: 0 }
     }
 
     /// The split that training keeps to, where there is one.

@@ -20,14 +20,14 @@ mod emitter;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod path;
+#[cfg(feature = "gpu")]
+mod records;
 mod renderer;
 mod sampler;
 mod stages;
 mod surface;
 mod texture;
 mod triangle;
-#[cfg(feature = "gpu")]
-mod words;
 
 #[cfg(test)]
 mod tests;

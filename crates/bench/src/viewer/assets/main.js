@@ -1,6 +1,7 @@
 // Puts the page together: what the address asks for, the views on the stage, keys and buttons.
 //
-// The part of the address behind # : keyframe=N (from 1), mode=optical|rf|both, lock=1, panel=0, and for scripts bare=1 with size=WxH, which
+// The part of the address behind # : keyframe=N (from 1; without it the one that the host chose), mode=optical|rf|both (without it the last of those
+// that there are), lock=1, panel=0, and for scripts bare=1 with size=WxH, which
 // leave nothing but the picture as that camera sees it and put it, as a PNG, into the attribute data-capture of the page's body.
 
 /** Most device pixels to a pixel of the page. */
@@ -43,10 +44,10 @@ class App {
     this.views = [];
     const halves = ['optical', 'rf'].filter((half) => scene.growing?.[half] || this.renderer.has(half));
     this.modes = halves.length === 2 ? ['optical', 'rf', 'both'] : halves;
-    this.mode = this.modes.includes(asked.get('mode')) ? asked.get('mode') : this.modes[0] ?? 'optical';
+    this.mode = this.modes.includes(asked.get('mode')) ? asked.get('mode') : this.modes.at(-1) ?? 'optical';
     this.locked = asked.get('lock') === '1' && scene.modalities.radio;
-    const number = Number(asked.get('keyframe') ?? 1);
-    this.chosen = Number.isInteger(number) ? clamp(number - 1, 0, scene.keyframes.length - 1) : 0;
+    const number = Number(asked.get('keyframe') ?? scene.opening + 1);
+    this.chosen = Number.isInteger(number) ? clamp(number - 1, 0, scene.keyframes.length - 1) : scene.opening;
     if (asked.get('bare') === '1') return this.#bare(asked.get('size'));
     this.panel = new Panel(scene, source, (index) => this.choose(index));
     this.#chrome();

@@ -1,6 +1,6 @@
 //! The light cache as a GPU holds it: charts, lattices, slots of tiles, and the coarse lattice's light.
 
-use super::super::words::Words;
+use super::super::records;
 use super::charts::Charts;
 use super::field::{Field, Lattice, Point, Received, TileKey};
 use super::solve::{Link, Node, pass_on};
@@ -97,29 +97,37 @@ impl<'a> Packed<'a> {
         self.cache.charts.of_triangle[triangle as usize]
     }
 
-    /// Charts in words, and their triangles as `place_of` numbers them.
-    pub fn chart_words(&self, place_of: &[u32]) -> [Vec<u32>; 2] {
+    /// Charts, and their triangles as `place_of` numbers them.
+    pub fn chart_records(&self, place_of: &[u32]) -> (Vec<records::Chart>, Vec<u32>) {
         let charts: &Charts = &self.cache.charts;
-        let (mut words, mut members) = (Words::default(), Vec::new());
+        let (mut list, mut members) = (Vec::with_capacity(charts.list.len()), Vec::new());
         for (index, chart) in (0u32..).zip(&charts.list) {
             let of = charts.members(index);
-            words.v3(chart.origin).u(members.len() as u32).v3(chart.axes[0]).u(of.len() as u32);
-            words.v3(chart.axes[1]).u(0).v3(chart.normal).u(0).v2(chart.size).u(0).u(0);
+            list.push(records::Chart {
+                origin: chart.origin.to_array(),
+                first: members.len() as u32,
+                x_axis: chart.axes[0].to_array(),
+                count: of.len() as u32,
+                y_axis: chart.axes[1].to_array(),
+                normal: chart.normal.to_array(),
+                size: chart.size.to_array(),
+                ..Default::default()
+            });
             members.extend(of.iter().map(|t| place_of[*t as usize]));
         }
-        [words.0, members]
+        (list, members)
     }
 
     /// Per field and chart: first slot, cells along both coordinates.
-    pub fn lattice_words(&self) -> Vec<u32> {
-        let mut words = Words::default();
+    pub fn lattices(&self) -> Vec<[u32; 4]> {
+        let mut lattices = Vec::new();
         for (field, base) in fields(&self.cache).zip(&self.bases) {
             for (index, chart) in (0u32..).zip(&self.cache.charts.list) {
                 let Lattice { cells, .. } = Lattice::of(chart, field.spacing_m());
-                words.u(base + field.first_tile(index)).u(cells.x).u(cells.y).u(0);
+                lattices.push([base + field.first_tile(index), cells.x, cells.y, 0]);
             }
         }
-        words.0
+        lattices
     }
 
     /// The tile of a slot.
@@ -182,9 +190,6 @@ fn fields<'b>(cache: &'b LightCache<'_>) -> impl Iterator<Item = &'b Field> {
 }
 
 fn point_words(points: &[Point]) -> Vec<u32> {
-    let mut words = Words::default();
-    for point in points {
-        words.v3(point.received.x).f(point.weight).v3(point.received.y).f(0.0).v3(point.received.z).f(0.0);
-    }
-    words.0
+    let rows = |p: &Point| [p.received.x.extend(p.weight), p.received.y.extend(0.0), p.received.z.extend(0.0)];
+    points.iter().flat_map(rows).flat_map(|row| row.to_array()).map(f32::to_bits).collect()
 }

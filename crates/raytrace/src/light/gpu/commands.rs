@@ -34,7 +34,7 @@ impl<'g, 'a> Commands<'g, 'a> {
             self.submit();
         }
         self.passes.push((bound.clone(), groups));
-        self.settings.extend(params.words());
+        self.settings.extend_from_slice(bytemuck::cast_slice(std::slice::from_ref(params)));
         self.settings.resize(self.passes.len() * STRIDE as usize / 4, 0);
     }
 

@@ -5,8 +5,9 @@
 //! when and with which others it is filled.
 
 use super::super::cache::{Job, Packed};
+use super::super::records;
 use super::pace::Pace;
-use super::params::{MOST_FIELDS, Params};
+use super::params::{MOST_FIELDS, Params, halves};
 use super::scene::upload;
 use super::shaders::{self, PAGES, PageSize};
 use super::{GROUP, GpuLight};
@@ -99,16 +100,16 @@ impl<'a> Lattices<'a> {
     pub fn new(gpu: &GpuLight<'_>, packed: Packed<'a>, report: &dyn Fn(usize, usize) -> bool) -> Result<Option<Self>> {
         let context = &gpu.context;
         let page = page_size(context);
-        let [charts, members] = packed.chart_words(&gpu.scene.place_of);
+        let (charts, members) = packed.chart_records(&gpu.scene.place_of);
         let emitters = u64::from(gpu.params.emitters.max(1));
         let together = TOGETHER.min((MOST_CANDIDATE_BYTES / (CANDIDATE_BYTES * emitters)).max(1) as usize);
         let storage = |label, bytes| context.storage(label, bytes);
         let mut lattices = Self {
             charts: upload(context, "charts", &charts)?,
             members: upload(context, "charts' triangles", &members)?,
-            lattices: upload(context, "lattices", &packed.lattice_words())?,
+            lattices: upload(context, "lattices", &packed.lattices())?,
             slots: storage("tiles of light", 4 * u64::from(packed.slots().max(1)))?,
-            jobs: storage("tiles to fill", 48 * together as u64)?,
+            jobs: storage("tiles to fill", (size_of::<records::Job>() * together) as u64)?,
             sites: storage("sites of tiles", SITE_BYTES * u64::from(MOST_POINTS) * together as u64)?,
             candidates: storage("candidates of tiles", CANDIDATE_BYTES * emitters * together as u64)?,
             no_page: storage("no page", 256)?,
@@ -131,14 +132,16 @@ impl<'a> Lattices<'a> {
     /// What all passes have to know of lattices.
     pub fn params(packed: &Packed<'_>, params: &Params) -> Result<Params> {
         let [direct_fields, indirect_fields] = packed.levels();
-        let mut spacing_m = [0.0; MOST_FIELDS];
+        let mut spacing_m = [[0.0; 4]; MOST_FIELDS];
         let spacings = packed.spacings_m();
         if spacings.len() > MOST_FIELDS {
             let what = format!("{} lattices of light, one finer than the other", spacings.len());
             return Err(Error::invalid("gpu", what, "choose --device cpu"));
         }
-        spacing_m[..spacings.len()].copy_from_slice(&spacings);
-        let background = packed.settings().background.into();
+        for (slot, spacing) in spacing_m.iter_mut().zip(&spacings) {
+            slot[0] = *spacing;
+        }
+        let background = packed.settings().background;
         Ok(Params { charts: packed.charts(), direct_fields, indirect_fields, spacing_m, background, ..*params })
     }
 
@@ -205,15 +208,14 @@ impl<'a> Lattices<'a> {
                     return Ok(false);
                 }
                 let most = batch.iter().map(|(job, _)| job.points.element_product()).max().unwrap_or(1);
-                let words: Vec<u32> = batch
-                    .iter()
-                    .flat_map(|(job, first_point)| job_words(job, states[job.slot as usize] - shaders::FILLED, *first_point))
-                    .collect();
-                context.fill(&self.jobs, 0, &words);
+                let head = |slot: u32| states[slot as usize] - shaders::FILLED;
+                let records: Vec<records::Job> =
+                    batch.iter().map(|(job, first_point)| record_of(job, head(job.slot), *first_point)).collect();
+                context.fill(&self.jobs, 0, &records);
                 let count = batch.len() as u32;
                 let params = Params {
-                    seed: settings.seed,
-                    background: settings.background.into(),
+                    seed: halves(settings.seed),
+                    background: settings.background,
                     count,
                     points: most,
                     rays: if is_direct { settings.coarse_rays.max(1) } else { walks },
@@ -341,18 +343,18 @@ impl<'a> Lattices<'a> {
 
     fn fill_some(&mut self, gpu: &GpuLight<'_>, pace: &Pace, params: &Params, jobs: &[Job], is_direct: bool) -> Result<()> {
         let context = &gpu.context;
-        let mut words = Vec::with_capacity(12 * jobs.len());
+        let mut filling = Vec::with_capacity(jobs.len());
         for job in jobs {
-            words.extend(job_words(job, self.allocate(context, 1 + 3 * job.points.element_product())?, 0));
+            filling.push(record_of(job, self.allocate(context, 1 + 3 * job.points.element_product())?, 0));
         }
-        context.fill(&self.jobs, 0, &words);
+        context.fill(&self.jobs, 0, &filling);
         let settings = *self.packed.settings();
         let count = jobs.len() as u32;
         let rays = if is_direct { settings.direct_rays } else { settings.gather_walks };
         let points = jobs.iter().map(|job| job.points.element_product()).max().unwrap_or(1);
         let params = Params {
-            seed: settings.seed,
-            background: settings.background.into(),
+            seed: halves(settings.seed),
+            background: settings.background,
             dark: self.dark(),
             points,
             count,
@@ -383,9 +385,10 @@ impl<'a> Lattices<'a> {
 }
 
 /// A job as kernels read it.
-fn job_words(job: &Job, head: u32, first_point: u32) -> [u32; 12] {
+fn record_of(job: &Job, head: u32, first_point: u32) -> records::Job {
     let Job { field, chart, side, number, first, points, slot } = *job;
-    [field, chart, side, number, first.x, first.y, points.x, points.y, head, slot, 0, first_point]
+    let (first, points) = (first.to_array(), points.to_array());
+    records::Job { field, chart, side, number, first, points, head, slot, candidates: 0, first_point }
 }
 
 #[cfg(test)]

@@ -148,9 +148,9 @@ impl<'a> GpuLight<'a> {
         let uniform = context.buffer("settings", commands::UNIFORM_BYTES, wgpu::BufferUsages::UNIFORM)?;
         let emitters = &tracer.emitters;
         let params = Params {
-            grid_min: emitters.grid_min,
-            cells_per_metre: emitters.cells_per_metre,
-            cells: emitters.cells,
+            grid_min: emitters.grid_min.to_array(),
+            cells_per_metre: emitters.cells_per_metre.to_array(),
+            cells: emitters.cells.to_array(),
             emitters: emitters.list.len() as u32,
             first_punctual: emitters.first_punctual as u32,
             textures: tracer.scene.textures.len() as u32,

@@ -1,5 +1,7 @@
 //! The WGSL of each kernel, put together from its parts.
 
+use super::super::records::{Job, scene_declarations};
+use super::params::{Params, Viewpoint};
 use corf_gpu::GROUP_NUMBER;
 
 /// A part by the name of its file.
@@ -9,7 +11,7 @@ macro_rules! part {
     };
 }
 
-/// What every kernel is made of: numbers, the scene, rays, surfaces, reflection, emitters.
+/// What every kernel is made of behind the declarations of records: numbers, the scene, rays, surfaces, reflection, emitters.
 const CORE: [&str; 11] = [
     GROUP_NUMBER,
     part!("numbers"),
@@ -105,7 +107,7 @@ fn tiles(constants: &str, size: PageSize, sites: u32, scratch: Binding<'_>, part
     let constants = format!("{constants}const SITES = {sites}u;\n");
     let bindings = [&TILES[..], &[scratch], &page_bindings(true)].concat();
     let access = page_access(size, true);
-    kernel(&constants, &bindings, &[&[part!("tiles"), part!("lattice"), &access], parts].concat())
+    kernel(&constants, &bindings, &[&[&Job::declaration(), part!("tiles"), part!("lattice"), &access], parts].concat())
 }
 
 /// Where tiles' points lie.
@@ -182,6 +184,7 @@ fn declared(bindings: &[Binding<'_>]) -> String {
 
 fn kernel(constants: &str, bindings: &[Binding<'_>], parts: &[&str]) -> String {
     let mut text = constants.to_owned();
+    text += &(scene_declarations() + &Viewpoint::declaration() + &Params::declaration());
     text += &CORE.join("\n");
     text += &declared(bindings);
     text += &parts.join("\n");

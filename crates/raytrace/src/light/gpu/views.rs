@@ -5,11 +5,10 @@ use super::super::sampler::frame_seed;
 use super::super::{Sampling, View};
 use super::lattices::Lattices;
 use super::pace::Pace;
-use super::params::{MOST_VIEWS, Params, Viewpoint};
+use super::params::{MOST_VIEWS, Params, Viewpoint, halves};
 use super::{CachedKernels, GROUP, GpuLight, SUMS_WORDS, State};
 use corf_gpu::{Bound, Context};
 use corf_scene::{Error, Pinhole, Result};
-use glam::Vec2;
 use std::time::Instant;
 
 /// Words of `work` in front of everything else, and what they say (`film.wgsl`).
@@ -104,9 +103,10 @@ impl<'a> GpuLight<'a> {
     /// Settings of some views.
     fn view_params(&self, camera: &Pinhole, views: &[View], sampling: &Sampling, tiles: u32) -> Params {
         let mut common = Params {
-            size: [camera.width as u32, camera.height as u32],
-            focal: Vec2::new(camera.fx as f32, camera.fy as f32),
-            centre: Vec2::new(camera.cx as f32, camera.cy as f32),
+            width: camera.width as u32,
+            height: camera.height as u32,
+            focal: [camera.fx as f32, camera.fy as f32],
+            centre: [camera.cx as f32, camera.cy as f32],
             views: views.len() as u32,
             lists_at: WORK_HEAD + tiles,
             list_size: (camera.width * camera.height * views.len()) as u32,
@@ -118,21 +118,26 @@ impl<'a> GpuLight<'a> {
             Sampling::Cached(s) => s.seed,
         };
         for (viewpoint, view) in common.viewpoints.iter_mut().zip(views) {
-            let axis = |axis: glam::DVec3| view.world_from_camera.transform_vector(axis).as_vec3();
+            let axis = |axis: glam::DVec3| view.world_from_camera.transform_vector(axis).as_vec3().to_array();
+            let [frame_low, frame_high] = halves(frame_seed(seed, view.key));
             *viewpoint = Viewpoint {
-                axes: [axis(glam::DVec3::X), axis(glam::DVec3::Y), axis(glam::DVec3::Z)],
-                origin: view.world_from_camera.translation.as_vec3(),
-                frame: frame_seed(seed, view.key),
+                x_axis: axis(glam::DVec3::X),
+                frame_low,
+                y_axis: axis(glam::DVec3::Y),
+                frame_high,
+                z_axis: axis(glam::DVec3::Z),
+                origin: view.world_from_camera.translation.as_vec3().to_array(),
+                ..Viewpoint::default()
             };
         }
         match sampling {
             Sampling::Path(s) => Params {
-                seed,
-                background: s.background.into(),
+                seed: halves(seed),
+                background: s.background,
                 samples: s.samples_per_pixel.max(1),
                 max_bounces: s.max_bounces,
                 roulette_after: s.roulette_after,
-                next_event: s.next_event_estimation && !self.tracer.emitters.is_empty(),
+                next_event: u32::from(s.next_event_estimation && !self.tracer.emitters.is_empty()),
                 ..common
             },
             Sampling::Cached(s) => {
@@ -140,7 +145,7 @@ impl<'a> GpuLight<'a> {
                 let levels = (0..base.leading_zeros().min(MOST_LEVELS)).find(|level| base << level >= s.most_samples);
                 let levels = levels.unwrap_or(base.leading_zeros());
                 Params {
-                    seed,
+                    seed: halves(seed),
                     gain: s.exposure_ev.exp2(),
                     base,
                     most: s.most_samples.min(base << levels.min(base.leading_zeros())),

@@ -1,25 +1,7 @@
-// Tiles that are being filled: a job each.
+// Tiles that are being filled: a job (records.rs) each.
 
 // Points of a tile at most.
 const MOST_POINTS = 81u;
-
-struct Job {
-    field: u32,
-    chart: u32,
-    side: u32,
-    // Of the tile in its field: the key of its random numbers.
-    number: u32,
-    // Its first point in the lattice, and how many it has each way.
-    first: vec2<u32>,
-    points: vec2<u32>,
-    // Place of its head in the pages, and its slot.
-    head: u32,
-    slot: u32,
-    // Emitters that may light it.
-    candidates: u32,
-    // Number of its first point in the coarse lattice.
-    first_point: u32,
-}
 
 // A lattice point on its surface (cache/site.rs), or one of SITES that stand for its surroundings; of the reflection, what does
 // not depend on the
