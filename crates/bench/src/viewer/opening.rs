@@ -1,7 +1,7 @@
 //! The keyframe that a run's page opens on.
 
 use crate::metrics::FrameMetrics;
-use crate::record::Record;
+use crate::record::{Outcome, Record};
 use crate::run::RunInfo;
 use crate::split::Split;
 use std::path::Path;
@@ -15,7 +15,11 @@ pub(super) fn opening(folder: &Path, info: &RunInfo, split: &Split) -> usize {
     };
     let record = Record::read(&folder.join("metrics.json")).ok().or_else(of_comparison);
     let record = record.filter(|r| r.method == info.method && r.seed == info.seed);
-    record.and_then(|r| best(&r.frames, &split.held_out)).or(split.held_out.get(split.held_out.len() / 2).copied()).unwrap_or(0)
+    let frames = match record.map(|r| r.outcome) {
+        Some(Outcome::Done(numbers)) => numbers.frames,
+        _ => Vec::new(),
+    };
+    best(&frames, &split.held_out).or(split.held_out.get(split.held_out.len() / 2).copied()).unwrap_or(0)
 }
 
 /// The keyframe with the largest sum of PSNRs, light and radio.
