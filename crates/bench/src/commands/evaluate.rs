@@ -15,6 +15,7 @@ use crate::run::harness;
 use crate::run::open;
 use crate::split::{Protocol, Split};
 use crate::table;
+use crate::terminal;
 use anyhow::{Context, Result};
 use clap::Args;
 use corf_scene::dataset::Dataset;
@@ -39,8 +40,8 @@ pub struct Evaluate {
     /// Also write the run's predictions of the held-out keyframes into this folder, as --predictions reads them.
     #[arg(long, value_name = "DIR", conflicts_with = "predictions")]
     write_predictions: Option<PathBuf>,
-    /// Columns of the printed table, with commas between: keys of metrics (docs/METHODOLOGY.md lists them), short, radio or all.
-    #[arg(long, value_delimiter = ',', value_name = "KEY,KEY", default_value = "short")]
+    /// Columns of the printed table, with commas between: keys, short, radio, all …; --help lists them.
+    #[arg(long, value_delimiter = ',', value_name = "KEY,KEY", default_value = "short", allow_hyphen_values = true, long_help = table::help_of_keys())]
     columns: Vec<String>,
     #[command(flatten)]
     verify: Verify,
@@ -73,7 +74,7 @@ impl Evaluate {
         figures.iter().try_for_each(|figures| figures.write(folder))?;
         // Last, so that the command works again until all of it is done.
         predictions.map_or(Ok(()), FreshFolder::finish)?;
-        show(json, &records[0], &table::plain(&table::rows(&records), &columns))?;
+        show(json, &records[0], &table::plain(&table::rows(&records), &columns, terminal::width()))?;
         Ok(Verdict::Done)
     }
 
