@@ -125,6 +125,7 @@ impl Sweep {
             protocol: Protocol::Validation,
             segment: false,
             columns: Vec::new(),
+            evaluate_every: None,
             seeds: self.seeds.clone(),
             rows,
         };

@@ -2,8 +2,7 @@
 
 pub mod along;
 mod charts;
-pub(crate) mod colours;
-pub(crate) mod embed;
+mod colours;
 mod pictures;
 mod plan_view;
 
@@ -73,6 +72,10 @@ fn html(report: &Report<'_>) -> Result<String> {
     write!(out, "<h2>Frame by frame</h2>{}", charts::per_frame(report.records))?;
     if let Some(figures) = &report.figures {
         write!(out, "<h2>Along the way</h2>{}", figures.html())?;
+    }
+    let quality = charts::quality(report.records);
+    if !quality.is_empty() {
+        write!(out, "<h2>Quality over time</h2>{quality}")?;
     }
     write!(out, "<h2>Time and Gaussians</h2>{}", charts::growth(report.records))?;
     write!(out, "<h2>What was there, what was predicted</h2>{}", pictures::section(report, &observations)?)?;

@@ -184,12 +184,15 @@ pub fn help_of_keys() -> String {
         let _ = write!(out, "\n  {word:width$}  {what}");
     };
     for (word, extra) in Extra::ALL {
-        line(word, match extra {
-            Extra::Difference => "Δ to the first row, paired by seed",
-            Extra::Gaussians => "Gaussians of the field",
-            Extra::Seconds => "time of the reconstruction, s",
-            Extra::Seeds => "finished seeds",
-        });
+        line(
+            word,
+            match extra {
+                Extra::Difference => "Δ to the first row, paired by seed",
+                Extra::Gaussians => "Gaussians of the field",
+                Extra::Seconds => "time of the reconstruction, s",
+                Extra::Seeds => "finished seeds",
+            },
+        );
     }
     out.push_str("\n\nMetrics (docs/METHODOLOGY.md defines them):");
     for column in COLUMNS {

@@ -256,7 +256,7 @@ fn lpips_has_columns_where_it_is_asked_for_and_tells_whose_is_missing() {
     }
     let table = markdown(&rows, &asked);
     assert!(table.contains("| LPIPS-VGG [-1,1] opt ↓ | LPIPS-VGG [-1,1] rf (Jet) ↓ | LPIPS-VGG [0,1] opt ↓ |"), "{table}");
-    assert!(table.lines().any(|l| l.starts_with("| full |") && l.contains("| 0.250 ± 0.000 |")), "{table}");
+    assert!(table.lines().any(|l| l.starts_with("| full |") && l.contains("| 0.250 ‡ |")), "{table}");
     assert!(table.lines().any(|l| l.starts_with("| half |") && l.contains("| – | – | – | – |")), "{table}");
     let unasked = markdown(&rows, &columns(&["psnr_opt"]).unwrap());
     assert!(!unasked.contains("LPIPS"), "{unasked}");
@@ -369,15 +369,21 @@ fn latex_is_plain_booktabs_with_the_best_in_bold_and_siunitx_aligns_its_numbers(
     assert!(tex.contains(r"& $\mathbf{-8.20 \pm 2.24}$ &"), "{tex}");
     let tex = siunitx(&rows, &asked);
     assert!(tex.contains("{lS[table-format=2.2(3)]S[table-format=-1.2(3)]S[table-format="), "{tex}");
-    assert!(tex.contains(r" & {PSNR$_\mathrm{rf}^\uparrow$} & {$\Delta$ ") && tex.contains(r"ours & \bfseries 18.20 \pm 0.25 & {--} & "), "{tex}");
-    assert!(tex.contains(r"other & 10.00 \pm 2.48 & \bfseries -8.20 \pm 2.24 & ") && tex.contains("% \\usepackage{booktabs,siunitx"), "{tex}");
+    assert!(
+        tex.contains(r" & {PSNR$_\mathrm{rf}^\uparrow$} & {$\Delta$ ")
+            && tex.contains(r"ours & \bfseries 18.20 \pm 0.25 & {--} & "),
+        "{tex}"
+    );
+    assert!(
+        tex.contains(r"other & 10.00 \pm 2.48 & \bfseries -8.20 \pm 2.24 & ") && tex.contains("% \\usepackage{booktabs,siunitx"),
+        "{tex}"
+    );
 }
 
 #[test]
 fn a_table_for_a_terminal_is_no_wider_than_it() {
-    let records: Vec<Record> = (1..=3)
-        .flat_map(|seed| [record("CORF-GS", seed, 18.0), record("w/o joint (frozen geometry)", seed, 17.0)])
-        .collect();
+    let records: Vec<Record> =
+        (1..=3).flat_map(|seed| [record("CORF-GS", seed, 18.0), record("w/o joint (frozen geometry)", seed, 17.0)]).collect();
     let rows = rows(&records);
     let asked = columns(&["short", "radio"]).unwrap();
     let whole = plain(&rows, &asked, None);
