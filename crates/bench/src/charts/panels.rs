@@ -1,19 +1,22 @@
 //! Figures of pictures: panels side by side, each with axes in degrees, a colour bar with its unit, and its peaks.
 
-use super::{Anchor, Colour, DIM, Frame, INK, Plot, Scale, Stroke, Svg, WHITE, picture_uri, png_uri};
+use super::{Anchor, Colour, DIM, Frame, INK, Plot, Scale, Stroke, Svg, WHITE, picture_uri, png_uri, text_width};
 use crate::metrics::peaks::Peak;
 use anyhow::{Context, Result};
 use corf_raytrace::spectrum::Grid;
 use corf_scene::Raster;
 
-/// Height of the figure's title.
-const HEAD: f64 = 44.0;
+/// Size of the title, and of what explains it.
+const TITLE: f64 = 18.0;
+const NOTE: f64 = 12.0;
+/// Space left and right of them.
+const EDGE: f64 = 14.0;
 /// Space over a picture, for its name.
 const OVER: f64 = 26.0;
 /// Space left of a picture, for its axis.
 const LEFT: f64 = 66.0;
 /// Space right of a picture, without and with a colour bar.
-const RIGHT: [f64; 2] = [26.0, 92.0];
+const RIGHT: [f64; 2] = [26.0, 102.0];
 /// Space under a picture, for its axis.
 const UNDER: f64 = 56.0;
 /// Height of a line about a peak.
@@ -106,6 +109,18 @@ fn words(number: usize, peak: &Peak) -> String {
         .replace('-', "−")
 }
 
+/// A text in lines that are no wider than `width` pixels; a longer word has a line for itself.
+fn lines(text: &str, size: f64, width: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut().filter(|line| text_width(&format!("{line} {word}"), size) <= width) {
+            Some(line) => *line += &format!(" {word}"),
+            None => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
 /// Width of a panel with its axis and its bar.
 fn width_of(panel: &Panel<'_>, picture: f64) -> f64 {
     LEFT + picture + RIGHT[usize::from(panel.bar.is_some())]
@@ -123,12 +138,16 @@ pub fn figure(title: &str, line: &str, rows: &[Vec<Panel<'_>>]) -> Result<String
     let width_of_column =
         |column: usize| rows.iter().filter_map(|row| row.get(column)).map(|p| width_of(p, picture)).fold(0.0, f64::max);
     let widths: Vec<f64> = (0..columns).map(width_of_column).collect();
-    let mut svg = Svg::new(widths.iter().sum::<f64>().ceil() as u32, 0);
-    svg.text((14.0, 20.0), title, 18.0, INK, Anchor::Start);
-    let mut top = HEAD - 8.0;
-    if !line.is_empty() {
-        svg.text((14.0, 42.0), line, 12.0, DIM, Anchor::Start);
-        top += 18.0;
+    let width = widths.iter().sum::<f64>().ceil();
+    let mut svg = Svg::new(width as u32, 0);
+    let mut top = 20.0;
+    for line in lines(title, TITLE, width - 2.0 * EDGE) {
+        svg.text((EDGE, top), &line, TITLE, INK, Anchor::Start);
+        top += 22.0;
+    }
+    for line in lines(line, NOTE, width - 2.0 * EDGE) {
+        svg.text((EDGE, top), &line, NOTE, DIM, Anchor::Start);
+        top += LINE;
     }
     for row in rows {
         let (mut from, mut end) = (0.0, top);
@@ -155,7 +174,7 @@ fn draw(svg: &mut Svg, panel: &Panel<'_>, (from, top): (f64, f64), width: f64) -
     plot.image(&uri);
     graticule(&mut plot, &panel.grid);
     plot.x_axis("azimuth, °", false);
-    plot.y_axis("elevation, °", false);
+    plot.y_axis(if matches!(panel.grid, Grid::Sphere(_)) { "elevation, °" } else { "elevation along the lines, °" }, false);
     if let Some(bar) = &panel.bar {
         plot.colour_bar(&bar.colour, bar.values, &bar.unit);
     }
@@ -197,6 +216,15 @@ mod tests {
     }
 
     #[test]
+    fn long_texts_are_broken_and_no_word_is_lost() {
+        let text = "At (7, 4, 1.6) m, from a transmitter: 47 paths and 133706 diffuse arrivals";
+        let broken = lines(text, 12.0, 200.0);
+        assert!(broken.len() > 2 && broken.iter().all(|line| text_width(line, 12.0) <= 200.0), "{broken:?}");
+        assert_eq!(broken.join(" "), text);
+        assert!(lines("", 12.0, 200.0).is_empty() && lines("word", 12.0, 1.0) == ["word"]);
+    }
+
+    #[test]
     fn a_figure_has_axes_a_bar_its_peaks_and_a_title_and_nothing_is_cut() {
         let camera = Pinhole::from_horizontal_fov(30, 20, 90.0);
         let peaks = [Peak { x: 0.25, y: 0.5, azimuth_deg: 26.57, elevation_deg: -3.0, db: -52.34 }];
@@ -213,7 +241,16 @@ mod tests {
         };
         let rows = [vec![panel("image <a>", false), panel("spectrum", true)], vec![panel("lower", true)]];
         let svg = figure("Keyframe 9 & more", "a line", &rows).unwrap();
-        for text in ["Keyframe 9 &amp; more", "a line", "image &lt;a&gt;", "azimuth, °", "elevation, °", "dB", "40", "-20"] {
+        for text in [
+            "Keyframe 9 &amp; more",
+            "a line",
+            "image &lt;a&gt;",
+            "azimuth, °",
+            "elevation along the lines, °",
+            "dB",
+            "40",
+            "-20",
+        ] {
             assert!(svg.contains(&format!(">{text}</text>")), "{text}: {svg}");
         }
         assert!(svg.contains(">1: azimuth 26.6°, elevation −3.0°, −52.3 dB</text>"), "{svg}");

@@ -7,9 +7,9 @@ use anyhow::{Context, Result};
 /// Width of the figure, pixels.
 const WIDTH: f64 = 760.0;
 /// Height of a part with its title, pixels.
-const PART: f64 = 210.0;
+const PART: f64 = 230.0;
 /// Height of the title and of the axis of time together, pixels.
-const ENDS: f64 = 72.0;
+const ENDS: f64 = 62.0;
 /// Radius of a point.
 const RADIUS: f64 = 3.5;
 
@@ -41,8 +41,8 @@ pub fn quality(title: &str, curve: &[CurvePoint]) -> Result<Option<String>> {
     let mut svg = Svg::new(WIDTH as u32, (PART * parts.len() as f64 + ENDS) as u32);
     svg.text((14.0, 20.0), title, 17.0, INK, super::Anchor::Start);
     for (number, (name, axis, points)) in parts.iter().enumerate() {
-        let top = 30.0 + PART * number as f64;
-        let frame = Frame { left: 84.0, top: top + 34.0, right: WIDTH - 20.0, bottom: top + PART };
+        let top = 14.0 + PART * number as f64;
+        let frame = Frame { left: 84.0, top: top + 56.0, right: WIDTH - 20.0, bottom: top + PART };
         let (low, high) = extent(points.iter().map(|p| p.1));
         let pad = (0.08 * (high - low)).max(1e-3 * high.abs()).max(1e-3);
         let y = Scale::linear(if low >= 0.0 { (low - pad).max(0.0) } else { low - pad }, high + pad)
