@@ -159,7 +159,7 @@ fn a_spectrum_and_renderings_have_figures_with_axes() {
         text(&sphere),
     ]);
     let said = texts(&sphere.join("mpc.svg"));
-    assert!(["150", "-150", "elevation, °"].iter().all(|text| said.iter().any(|t| t == text)), "{said:?}");
+    assert!(["135", "-135", "60", "elevation, °"].iter().all(|text| said.iter().any(|t| t == text)), "{said:?}");
 }
 
 #[test]

@@ -207,6 +207,6 @@ mod tests {
         let grid = Grid::Sphere(corf_scene::Equirectangular { width: 36, height: 18 });
         let of = (&RANGE, Quantity::BeamPower);
         let svg = spectrum(["none", "line"], &Raster::filled(36, 18, 0.0), grid, of, ColourMap::Perceptual).unwrap();
-        assert!(svg.contains(">dB</text>") && !svg.contains("<circle") && svg.contains(">150</text>"), "{svg}");
+        assert!(svg.contains(">dB</text>") && !svg.contains("<circle") && svg.contains(">135</text>"), "{svg}");
     }
 }

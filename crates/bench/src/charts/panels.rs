@@ -57,7 +57,7 @@ pub struct Panel<'a> {
 fn axes(grid: &Grid) -> Result<(Scale, Scale, f64)> {
     Ok(match grid {
         Grid::Sphere(sphere) => {
-            (Scale::linear(-180.0, 180.0)?.falling(), Scale::linear(-90.0, 90.0)?, sphere.width as f64 / sphere.height as f64)
+            (Scale::degrees(-180.0, 180.0)?.falling(), Scale::degrees(-90.0, 90.0)?, sphere.width as f64 / sphere.height as f64)
         }
         Grid::Pinhole(camera) => {
             let (width, height) = (camera.width as f64, camera.height as f64);

@@ -13,6 +13,8 @@ const FEW_DECADES: f64 = 2.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Linear,
+    /// Linear, of angles in degrees: ticks divide a circle.
+    Degrees,
     Logarithmic,
     /// As the tangents of angles in degrees: what a pinhole camera sees.
     Tangent,
@@ -59,6 +61,14 @@ impl Scale {
         Ok(Self { low, high, kind: Kind::Logarithmic, falling: false })
     }
 
+    /// A linear axis of angles in degrees.
+    ///
+    /// # Errors
+    /// Those of [`Self::linear`].
+    pub fn degrees(low_deg: f64, high_deg: f64) -> Result<Self> {
+        Ok(Self { kind: Kind::Degrees, ..Self::linear(low_deg, high_deg)? })
+    }
+
     /// An axis of angles in degrees on a plane before a pinhole: they stand as their tangents.
     ///
     /// # Errors
@@ -82,7 +92,7 @@ impl Scale {
     pub fn share(&self, value: f64) -> f64 {
         let value = value.clamp(self.low, self.high);
         let share = match self.kind {
-            Kind::Linear => (value - self.low) / (self.high - self.low),
+            Kind::Linear | Kind::Degrees => (value - self.low) / (self.high - self.low),
             Kind::Logarithmic => (value / self.low).log10() / (self.high / self.low).log10(),
             Kind::Tangent => {
                 let [value, low, high] = [value, self.low, self.high].map(|angle| angle.to_radians().tan());
@@ -96,7 +106,8 @@ impl Scale {
     pub fn ticks(&self, most: usize) -> Vec<(f64, String)> {
         let most = most.max(2);
         if self.kind != Kind::Logarithmic {
-            let step = round_step((self.high - self.low) / most as f64);
+            let least = (self.high - self.low) / most as f64;
+            let step = if self.kind == Kind::Linear { round_step(least) } else { degree_step(least) };
             // An end that is a tick stays one in spite of rounding.
             let numbers = (self.low / step - 1e-6).ceil() as i64..=(self.high / step + 1e-6).floor() as i64;
             return numbers.map(|i| i as f64 * step).map(|v| (v, self.text(v, step))).collect();
@@ -125,6 +136,13 @@ impl Scale {
         let digits = (-(step / unit).log10() - 1e-6).ceil().max(0.0) as usize;
         format!("{:.digits$}{suffix}", value / unit)
     }
+}
+
+/// The least step that is not below a positive number of degrees, and by which angles are read.
+fn degree_step(least_deg: f64) -> f64 {
+    const STEPS: [f64; 8] = [5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0];
+    let step = || STEPS.into_iter().find(|step| *step >= 0.999_999 * least_deg);
+    if least_deg > 2.0 { step().unwrap_or(180.0) } else { round_step(least_deg) }
 }
 
 /// The least of 1, 2 and 5 times a power of ten that is not below a positive number.
@@ -173,6 +191,9 @@ mod tests {
         assert!((scale.share(0.5_f64.atan().to_degrees()) - 0.75).abs() < 1e-12);
         assert!((scale.falling().share(0.5_f64.atan().to_degrees()) - 0.25).abs() < 1e-12);
         assert_eq!(texts(Scale::tangent(-45.0, 45.0), 5), ["-40", "-20", "0", "20", "40"]);
+        assert_eq!(texts(Scale::tangent(-46.0, 46.0), 7), ["-45", "-30", "-15", "0", "15", "30", "45"]);
+        assert_eq!(texts(Scale::degrees(-180.0, 180.0), 4), ["-180", "-90", "0", "90", "180"]);
+        assert_eq!(texts(Scale::degrees(-0.3, 0.3), 3), ["-0.2", "0", "0.2"]);
         assert!(Scale::tangent(-90.0, 45.0).is_err() && Scale::tangent(0.0, 120.0).is_err());
         assert_eq!(Scale::linear(0.0, 4.0).unwrap().falling().share(1.0), 0.75);
     }

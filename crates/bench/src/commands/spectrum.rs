@@ -130,7 +130,7 @@ struct Formed {
 /// What a figure says under its title: where, from whom, and what arrives.
 fn caption(rx: DVec3, transmitter: &TransmitterConfig, line: &str) -> String {
     let point = |p: DVec3| format!("({:.2}, {:.2}, {:.2}) m", p.x, p.y, p.z);
-    format!("At {}, from a transmitter at {}: {line}", point(rx), point(transmitter.position()))
+    format!("At {}, from a transmitter at {}: {line}", point(rx), point(transmitter.position())).replace('-', "−")
 }
 
 impl Spectrum {
