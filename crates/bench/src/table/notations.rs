@@ -164,7 +164,7 @@ pub fn siunitx(rows: &[Row<'_>], columns: &Columns) -> String {
         format!("{}{number}{marks}", if is_bold(cell) { "\\bfseries " } else { "" })
     });
     format!(
-        "% \\usepackage{{booktabs,siunitx,etoolbox}}\n% \\robustify\\bfseries \\sisetup{{separate-uncertainty=true, detect-weight=true, mode=text}}\n{table}"
+        "% \\usepackage{{booktabs,siunitx,etoolbox}}\n% \\robustify\\bfseries \\sisetup{{separate-uncertainty=true, detect-weight=true, mode=text, group-digits=false}}\n{table}"
     )
 }
 
