@@ -43,6 +43,16 @@ impl Extra {
         }
     }
 
+    /// What it is, for the help.
+    fn meaning(self) -> &'static str {
+        match self {
+            Self::Difference => "Δ to the first row, paired by seed",
+            Self::Gaussians => "Gaussians of the field",
+            Self::Seconds => "time of the reconstruction, s",
+            Self::Seeds => "finished seeds",
+        }
+    }
+
     fn of(word: &str) -> Option<Self> {
         Self::ALL.iter().find(|(name, _)| *name == word).map(|(_, extra)| *extra)
     }
@@ -104,7 +114,8 @@ pub fn columns<S: AsRef<str>>(words: &[S]) -> Result<Columns> {
     let (left_out, wanted): (Vec<&str>, Vec<&str>) = words.iter().partition(|word| word.starts_with('-'));
     let mut extras: Vec<Extra> = wanted.iter().filter_map(|word| Extra::of(word)).collect();
     let metrics: Vec<&str> = wanted.into_iter().filter(|word| Extra::of(word).is_none()).collect();
-    let first = metrics.iter().find(|word| !left_out.iter().any(|out| out[1..] == ***word)).and_then(|word| column(word));
+    let is_in = |word: &&str| !left_out.iter().any(|out| out[1..] == **word);
+    let first = metrics.iter().copied().find(is_in).and_then(column);
     let mut metrics = if metrics.is_empty() { of_short() } else { metrics_of(&metrics)? };
     let mut chosen = !extras.is_empty();
     for word in left_out.iter().map(|word| &word[1..]) {
@@ -170,34 +181,20 @@ const GROUPS: [(&str, &str); 4] = [
 
 /// What can be said with `--columns`: every word with what it stands for, as the help of the commands has it.
 pub fn help_of_keys() -> String {
+    let width = COLUMNS.iter().map(|c| c.key.len()).max().unwrap_or(0);
     let mut out = String::from(
         "Columns, with commas between: keys of metrics, groups of them, and what stands behind the metrics; a minus before a word leaves its column \
-         out. Δ is of the metric that is named first.\n\nGroups:",
+         out. Δ is of the metric that is named first.",
     );
-    let width = COLUMNS.iter().map(|c| c.key.len()).max().unwrap_or(0);
-    let mut line = |word: &str, what: &str| {
-        let _ = write!(out, "\n  {word:width$}  {what}");
+    let mut list = |heading: &str, words: &mut dyn Iterator<Item = (&str, &str)>| {
+        let _ = write!(out, "\n\n{heading}:");
+        words.for_each(|(word, what)| {
+            let _ = write!(out, "\n  {word:width$}  {what}");
+        });
     };
-    GROUPS.iter().for_each(|(word, what)| line(word, what));
-    out.push_str("\n\nBehind the metrics:");
-    let mut line = |word: &str, what: &str| {
-        let _ = write!(out, "\n  {word:width$}  {what}");
-    };
-    for (word, extra) in Extra::ALL {
-        line(
-            word,
-            match extra {
-                Extra::Difference => "Δ to the first row, paired by seed",
-                Extra::Gaussians => "Gaussians of the field",
-                Extra::Seconds => "time of the reconstruction, s",
-                Extra::Seeds => "finished seeds",
-            },
-        );
-    }
-    out.push_str("\n\nMetrics (docs/METHODOLOGY.md defines them):");
-    for column in COLUMNS {
-        let _ = write!(out, "\n  {:width$}  {}", column.key, column.heading);
-    }
+    list("Groups", &mut GROUPS.into_iter());
+    list("Behind the metrics", &mut Extra::ALL.into_iter().map(|(word, extra)| (word, extra.meaning())));
+    list("Metrics (docs/METHODOLOGY.md defines them)", &mut COLUMNS.iter().map(|c| (c.key, c.heading)));
     out
 }
 

@@ -3,6 +3,7 @@
 use super::columns::Extra;
 use super::{Cell, Columns, Mark, Row, Short, Value, devices, short, short_with};
 use crate::files::escape;
+use crate::metrics::stats::Summary;
 use crate::metrics::{COLUMNS, Column};
 use crate::record::{Outcome, Record};
 use std::fmt::Write;
@@ -90,6 +91,17 @@ fn latex_headings(columns: &Columns) -> Vec<String> {
     of_metrics.chain(columns.extras(NARROW).into_iter().map(of_extra)).collect()
 }
 
+/// A cell's number as LaTeX and siunitx read it; `None` where nothing stands in it.
+fn latex_number(cell: &Cell) -> Option<String> {
+    let digits = cell.digits;
+    match cell.value {
+        Value::None => None,
+        Value::Count(count) => Some(count.to_string()),
+        Value::Mean(Summary { mean, half_width_95: Some(half), .. }) => Some(format!("{mean:.digits$} \\pm {half:.digits$}")),
+        Value::Mean(Summary { mean, .. }) => Some(format!("{mean:.digits$}")),
+    }
+}
+
 /// Marks behind a cell's number, in LaTeX.
 fn latex_marks(cell: &Cell) -> String {
     let marks = [(cell.is_of_two(), r"\ddagger"), (cell.stated, r"\dagger")];
@@ -127,14 +139,7 @@ pub fn latex(rows: &[Row<'_>], columns: &Columns) -> String {
     let headings = latex_headings(columns);
     let spec = format!("l{}", "r".repeat(headings.len()));
     tabular(&short, &spec, &headings, |cell| {
-        let number = match cell.value {
-            Value::None => return "--".to_owned(),
-            Value::Count(count) => count.to_string(),
-            Value::Mean(summary) => {
-                let (mean, digits) = (summary.mean, cell.digits);
-                summary.half_width_95.map_or(format!("{mean:.digits$}"), |h| format!("{mean:.digits$} \\pm {h:.digits$}"))
-            }
-        };
+        let Some(number) = latex_number(cell) else { return "--".to_owned() };
         let number = if is_bold(cell) { format!("\\mathbf{{{number}}}") } else { number };
         format!("${number}{}$", latex_marks(cell))
     })
@@ -150,15 +155,8 @@ pub fn siunitx(rows: &[Row<'_>], columns: &Columns) -> String {
         let _ = write!(spec, "S[table-format={}]", table_format(&cells));
     }
     let table = tabular(&short, &spec, &headings, |cell| {
-        let number = match cell.value {
-            // What is no number stands in braces.
-            Value::None => return "{--}".to_owned(),
-            Value::Count(count) => count.to_string(),
-            Value::Mean(summary) => {
-                let (mean, digits) = (summary.mean, cell.digits);
-                summary.half_width_95.map_or(format!("{mean:.digits$}"), |h| format!("{mean:.digits$} \\pm {h:.digits$}"))
-            }
-        };
+        // What is no number stands in braces.
+        let Some(number) = latex_number(cell) else { return "{--}".to_owned() };
         let marks = latex_marks(cell);
         let marks = if marks.is_empty() { marks } else { format!(" {{${{}}{marks}$}}") };
         format!("{}{number}{marks}", if is_bold(cell) { "\\bfseries " } else { "" })
