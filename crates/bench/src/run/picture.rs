@@ -64,7 +64,7 @@ impl Picture {
             }
             None => strongest(dataset, split)?,
         };
-        let title = format!("{of}: held-out keyframe {} of {}", index + 1, dataset.header().name);
+        let title = format!("{of}: held-out keyframe {} (index {index}) of {}", index + 1, dataset.header().name);
         self.chosen = Some(Chosen { index, title, sensors: Sensors::of(dataset) });
         Ok(())
     }
