@@ -44,7 +44,14 @@ pub struct Evaluate {
     #[arg(long, value_name = "DIR", conflicts_with = "predictions")]
     write_predictions: Option<PathBuf>,
     /// Columns of the printed table, with commas between: keys, short, radio, all …; --help lists them.
-    #[arg(long, value_delimiter = ',', value_name = "KEY,KEY", default_value = "short", allow_hyphen_values = true, long_help = table::help_of_keys())]
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "KEY,KEY",
+        default_value = "short",
+        allow_hyphen_values = true,
+        long_help = table::help_of_keys()
+    )]
     columns: Vec<String>,
     /// Draw a held-out keyframe into this file (.svg): observed, predicted and the error of image and spectrum, with axes in degrees, peaks and a
     /// colour bar for each scale.

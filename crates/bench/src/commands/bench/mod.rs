@@ -112,7 +112,13 @@ pub struct Table {
     #[arg(long, value_enum, default_value_t = Notation::Markdown)]
     format: Notation,
     /// Columns, with commas between: keys, short, radio, all …; --help lists them. Without it those of the plan.
-    #[arg(long, value_delimiter = ',', value_name = "KEY,KEY", allow_hyphen_values = true, long_help = table::help_of_keys() + "\n\nWithout it those of the plan.")]
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "KEY,KEY",
+        allow_hyphen_values = true,
+        long_help = table::help_of_keys() + "\n\nWithout it those of the plan."
+    )]
     columns: Vec<String>,
 }
 
