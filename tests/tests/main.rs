@@ -37,6 +37,7 @@ mod faults_scenes;
 mod faults_server;
 mod faults_units;
 mod fields;
+mod figures;
 mod growing;
 #[cfg(feature = "slow")]
 mod implicit;

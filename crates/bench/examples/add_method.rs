@@ -60,7 +60,7 @@ fn main() -> Result<()> {
     let input = Verify::default().open(Path::new(&folder))?;
     let split = Split::of(&input.dataset, Protocol::Validation)?;
     let record =
-        harness::run_cell("first keyframe", &FirstKeyframe, &input, &split, 1, &mut |_| Ok(()), |_, _| Ok(()), |_| Ok(()))?;
+        harness::run_cell("first keyframe", &FirstKeyframe, &input, &split, 1, None, &mut |_| Ok(()), |_, _| Ok(()), |_| Ok(()))?;
     println!("{}", table::plain(&table::rows(&[record]), &table::short_columns()));
     Ok(())
 }

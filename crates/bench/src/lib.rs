@@ -9,9 +9,9 @@
 //! let mut records = vec![];
 //! for id in ["corf-gs", "nearest"] {
 //!     let method = methods::create(id, &toml::Table::new(), &Backend::Cpu)?;
-//!     records.push(harness::run_cell(id, method.as_ref(), &input, &split, 1, &mut |_| Ok(()), |_, _| Ok(()), |_| Ok(()))?);
+//!     records.push(harness::run_cell(id, method.as_ref(), &input, &split, 1, None, &mut |_| Ok(()), |_, _| Ok(()), |_| Ok(()))?);
 //! }
-//! let compared = table::plain(&table::rows(&records), &table::short_columns());
+//! let compared = table::plain(&table::rows(&records), &table::short_columns(), None);
 //! # Ok::<_, anyhow::Error>(())
 //! ```
 

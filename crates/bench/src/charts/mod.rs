@@ -1,18 +1,35 @@
 //! Charts: one canvas, one kind of axes, and what is drawn over them. Every figure is made of these.
 //!
 //! ```text
-//! svg.rs      shapes, text and embedded pictures in pixels
-//! scale.rs    linear and logarithmic axes: places and ticks
-//! plot.rs     a frame between two axes: lines, points, intervals, bars, a picture, a legend, a colour bar
+//! svg.rs         shapes, text and embedded pictures in pixels
+//! scale.rs       axes, linear, logarithmic and of angles: places and ticks
+//! plot.rs        a frame between two axes: lines, points, intervals, bars, a picture, a legend, a colour bar
+//! panels.rs      pictures of directions side by side, with axes in degrees, colour bars and peaks
+//! keyframe.rs    a spectrum, a prediction, or a keyframe beside its prediction, in such panels
+//! quality.rs     quality over time
+//! colour_map.rs  colours of levels and of errors
+//! errors.rs      errors of predicted pictures
+//! embed.rs       pictures as data URIs
 //! ```
 //!
 //! A figure is an [`Svg`]; [`Plot::new`] lays axes into a part of it, and as many of them as there are panels.
 
+mod colour_map;
+mod embed;
+mod errors;
+mod keyframe;
+mod panels;
 mod plot;
+mod quality;
 mod scale;
 mod svg;
 
+pub use colour_map::{ColourMap, diverging, heat};
+pub use embed::{picture_uri, png_uri};
+pub use errors::{ERROR_DB, ERROR_LIGHT, image_error, spectrum_error};
+pub use keyframe::{Sensors, keyframe, prediction, spectrum};
 pub use plot::{Corner, Frame, Mark, Plot};
+pub use quality::quality;
 pub use scale::{Scale, extent};
 pub use svg::{Anchor, Colour, Stroke, Svg, text_width, without_size};
 

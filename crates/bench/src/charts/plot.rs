@@ -33,6 +33,18 @@ pub struct Frame {
     pub bottom: f64,
 }
 
+impl Frame {
+    /// Ticks that the x axis has room for.
+    pub fn x_ticks(&self) -> usize {
+        ((self.right - self.left) / X_TICK) as usize
+    }
+
+    /// Ticks that the y axis has room for.
+    pub fn y_ticks(&self) -> usize {
+        ((self.bottom - self.top) / Y_TICK) as usize
+    }
+}
+
 /// A sample of what a legend names.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mark {
@@ -67,6 +79,16 @@ impl<'s> Plot<'s> {
         Self { svg, frame, x, y }
     }
 
+    /// The axes: x, y.
+    pub fn scales(&self) -> [Scale; 2] {
+        [self.x, self.y]
+    }
+
+    /// The part of the figure between them.
+    pub fn frame(&self) -> Frame {
+        self.frame
+    }
+
     /// The place of a value.
     fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
         let Frame { left, top, right, bottom } = self.frame;
@@ -87,7 +109,7 @@ impl<'s> Plot<'s> {
     /// The x axis with ticks and name; `grid` draws lines from its ticks through the frame.
     pub fn x_axis(&mut self, name: &str, grid: bool) {
         let Frame { left, top, right, bottom } = self.frame;
-        for (value, text) in self.x.ticks(((right - left) / X_TICK) as usize) {
+        for (value, text) in self.x.ticks(self.frame.x_ticks()) {
             let x = left + self.x.share(value) * (right - left);
             if grid {
                 self.svg.line([(x, top), (x, bottom)], Stroke::of(GRID, 1.0));
@@ -103,7 +125,7 @@ impl<'s> Plot<'s> {
     pub fn y_axis(&mut self, name: &str, grid: bool) {
         let Frame { left, top, right, bottom } = self.frame;
         let mut widest = 0.0_f64;
-        for (value, text) in self.y.ticks(((bottom - top) / Y_TICK) as usize) {
+        for (value, text) in self.y.ticks(self.frame.y_ticks()) {
             let y = bottom - self.y.share(value) * (bottom - top);
             if grid {
                 self.svg.line([(left, y), (right, y)], Stroke::of(GRID, 1.0));
@@ -182,7 +204,7 @@ impl<'s> Plot<'s> {
             // A little over the next one, which covers it: no gap is seen between them.
             self.svg.rectangle([(left, low), (end, (high - 0.5).max(top))], colour((i as f64 + 0.5) / BAR_STEPS as f64), 1.0);
         }
-        for (value, text) in values.ticks(((bottom - top) / Y_TICK) as usize) {
+        for (value, text) in values.ticks(self.frame.y_ticks()) {
             let y = bottom - values.share(value) * (bottom - top);
             self.svg.line([(end, y), (end + TICK, y)], Stroke::of(DIM, 1.0));
             self.svg.text((end + TICK + 3.0, y), &text, LABEL, INK, Anchor::Start);

@@ -67,9 +67,12 @@ pub fn text_width(text: &str, size: f64) -> f64 {
 impl Svg {
     /// A white figure of so many pixels.
     pub fn new(width: u32, height: u32) -> Self {
-        let mut svg = Self { width, height, body: String::new() };
-        svg.rectangle([(0.0, 0.0), (f64::from(width), f64::from(height))], WHITE, 1.0);
-        svg
+        Self { width, height, body: String::new() }
+    }
+
+    /// Gives it another height, where that is known once its parts are drawn.
+    pub fn set_height(&mut self, height: u32) {
+        self.height = height;
     }
 
     fn text_at(&mut self, place: &str, text: &str, size: f64, colour: Colour, anchor: Anchor) {
@@ -141,9 +144,12 @@ impl Svg {
     /// The figure as a file.
     pub fn finish(self) -> String {
         let Self { width, height, body } = self;
+        let mut ground = Self::new(width, height);
+        ground.rectangle([(0.0, 0.0), (f64::from(width), f64::from(height))], WHITE, 1.0);
+        let ground = ground.body;
         format!(
             "<svg width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" xmlns=\"http://www.w3.org/2000/svg\" \
-             font-family=\"sans-serif\">\n{body}</svg>\n"
+             font-family=\"sans-serif\">\n{ground}{body}</svg>\n"
         )
     }
 }

@@ -1,6 +1,7 @@
 //! `corf evaluate`: a run's field, or another program's predictions, against the held-out keyframes.
 
 use super::{Verdict, show};
+use crate::charts::ColourMap;
 use crate::device::DeviceChoice;
 use crate::files::output::FreshFolder;
 use crate::files::separation::{Reads, keep_apart};
@@ -11,10 +12,13 @@ use crate::record::prediction_folder::{PredictionFolder, PredictionWriter, state
 use crate::record::{Numbers, Outcome, Record};
 use crate::report::along::Figures;
 use crate::run::claim_shared;
+use crate::run::evaluation;
 use crate::run::harness;
 use crate::run::open;
+use crate::run::picture::Picture;
 use crate::split::{Protocol, Split};
 use crate::table;
+use crate::terminal;
 use anyhow::{Context, Result};
 use clap::Args;
 use corf_scene::dataset::Dataset;
@@ -39,9 +43,26 @@ pub struct Evaluate {
     /// Also write the run's predictions of the held-out keyframes into this folder, as --predictions reads them.
     #[arg(long, value_name = "DIR", conflicts_with = "predictions")]
     write_predictions: Option<PathBuf>,
-    /// Columns of the printed table, with commas between: keys of metrics (docs/METHODOLOGY.md lists them), short, radio or all.
-    #[arg(long, value_delimiter = ',', value_name = "KEY,KEY", default_value = "short")]
+    /// Columns of the printed table, with commas between: keys, short, radio, all …; --help lists them.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "KEY,KEY",
+        default_value = "short",
+        allow_hyphen_values = true,
+        long_help = table::help_of_keys()
+    )]
     columns: Vec<String>,
+    /// Draw a held-out keyframe into this file (.svg): observed, predicted and the error of image and spectrum, with axes in degrees, peaks and a
+    /// colour bar for each scale.
+    #[arg(long, value_name = "FILE.svg")]
+    figure: Option<PathBuf>,
+    /// Index of that keyframe, from 0 (default: the held-out one that receives the most).
+    #[arg(long, value_name = "K", requires = "figure")]
+    figure_keyframe: Option<usize>,
+    /// Colours of spectra in the figure.
+    #[arg(long, value_enum, default_value_t, requires = "figure")]
+    colours: ColourMap,
     #[command(flatten)]
     verify: Verify,
     /// Device that renders the field of a run: auto, cpu, gpu, or gpu:N for the N-th adapter.
@@ -58,10 +79,11 @@ impl Evaluate {
     /// A run, predictions or a dataset that cannot be read.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let columns = table::columns(&self.columns)?;
+        let mut picture = Picture::plan(self.figure.as_deref(), self.figure_keyframe, self.colours)?;
         let (folder, (record, dataset), predictions) = match (&self.predictions, &self.run) {
-            (Some(folder), _) => (folder, self.of_predictions(folder)?, None),
+            (Some(folder), _) => (folder, self.of_predictions(folder, &mut picture)?, None),
             (None, Some(run)) => {
-                let (record, dataset, predictions) = self.of_run(run)?;
+                let (record, dataset, predictions) = self.of_run(run, &mut picture)?;
                 (run, (record, dataset), predictions)
             }
             (None, None) => anyhow::bail!("nothing to evaluate\n  help: name a run folder, or predictions with --predictions"),
@@ -71,13 +93,14 @@ impl Evaluate {
         let figures = Figures::of(&records, &dataset)?;
         records[0].write(&folder.join("metrics.json"))?;
         figures.iter().try_for_each(|figures| figures.write(folder))?;
+        picture.as_ref().map_or(Ok(()), Picture::write)?;
         // Last, so that the command works again until all of it is done.
         predictions.map_or(Ok(()), FreshFolder::finish)?;
-        show(json, &records[0], &table::plain(&table::rows(&records), &columns))?;
+        show(json, &records[0], &table::plain(&table::rows(&records), &columns, terminal::width()))?;
         Ok(Verdict::Done)
     }
 
-    fn of_predictions(&self, folder: &Path) -> Result<(Record, Dataset)> {
+    fn of_predictions(&self, folder: &Path, picture: &mut Option<Picture>) -> Result<(Record, Dataset)> {
         let dataset = self.dataset.as_deref().context("predictions are of a dataset\n  help: name it with --dataset")?;
         let networks = self.lpips.read()?;
         let input = self.verify.open(dataset)?.with_networks(&networks)?;
@@ -87,14 +110,19 @@ impl Evaluate {
         };
         let split = Split::of(&input.dataset, protocol)?;
         let predictions = PredictionFolder::open(folder, &input.dataset, &split)?;
-        let (frames, warnings) = harness::evaluate_folder(&predictions, &input, &split, |_, _| Ok(()))?;
+        if let Some(picture) = picture {
+            picture.choose(&predictions.name(), &input.dataset, &split)?;
+        }
+        let (frames, warnings) = evaluation::evaluate_folder(&predictions, &input, &split, |truth, halves| {
+            picture.as_mut().map_or(Ok(()), |picture| picture.look(truth, halves))
+        })?;
         warnings.iter().for_each(|warning| note!("{warning}"));
         let seed = predictions.statement().seed.unwrap_or(0);
         let record = harness::folder_record(&predictions.name(), &predictions, &input, protocol, seed, frames);
         Ok((record, input.dataset))
     }
 
-    fn of_run(&self, folder: &Path) -> Result<(Record, Dataset, Option<FreshFolder>)> {
+    fn of_run(&self, folder: &Path, picture: &mut Option<Picture>) -> Result<(Record, Dataset, Option<FreshFolder>)> {
         let networks = self.lpips.read()?;
         let mut run = open::open(folder, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
         if let Some(out) = &self.write_predictions {
@@ -104,7 +132,11 @@ impl Evaluate {
         let _held = claim_shared(folder)?;
         let dataset = &run.input.dataset;
         let writer = self.write_predictions.as_deref().map(|dir| PredictionWriter::create(dir, dataset)).transpose()?;
-        let frames = harness::evaluate(run.predictor.as_mut(), &run.input, &run.split, |truth, prediction| {
+        if let Some(picture) = picture {
+            picture.choose(&run.info.method, dataset, &run.split)?;
+        }
+        let frames = evaluation::evaluate(run.predictor.as_mut(), &run.input, &run.split, |truth, prediction| {
+            picture.as_mut().map_or(Ok(()), |picture| picture.look(truth, prediction.halves()))?;
             writer.as_ref().map_or(Ok(()), |writer| writer.write(truth.index, prediction))
         })?;
         let info = &run.info;

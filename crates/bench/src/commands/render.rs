@@ -1,6 +1,7 @@
 //! `corf render`: a reconstructed field at any poses.
 
 use super::{Verdict, show};
+use crate::charts::{self, ColourMap, Sensors};
 use crate::device::DeviceChoice;
 use crate::files::json;
 use crate::files::separation::{Reads, keep_apart};
@@ -58,6 +59,12 @@ pub struct Render {
     /// Pictures that the video shows (default: images, or jet where there are none).
     #[arg(long, value_enum, requires = "video")]
     video_of: Option<Pictures>,
+    /// Write a figure of every pose as well, figures/00001.svg …: image and spectrum with axes in degrees, colour bar and peaks.
+    #[arg(long)]
+    figures: bool,
+    /// Colours of spectra in the figures.
+    #[arg(long, value_enum, default_value_t, requires = "figures")]
+    colours: ColourMap,
     /// Output folder.
     #[arg(long)]
     out: PathBuf,
@@ -177,19 +184,25 @@ impl Render {
         }
         json::write_json(&source_path, &source)?;
         let range = run.input.dataset.db_range();
+        let own = Sensors::of(&run.input.dataset);
+        let sensors = Sensors { light: camera.unwrap_or(own.light), ..own };
         let mut progress = Progress::start("rendering", poses.len(), "views");
         for (i, pose) in poses.iter().enumerate() {
             interrupt::check()?;
             // The Jet image (without radio, the image) is written last: with it a pose is finished.
             let file = |folder: &str, ending: &str| self.out.join(folder).join(format!("{:05}.{ending}", i + 1));
-            let [image, jet] = [file("images", "png"), file("jet", "png")];
+            let [image, jet, figure] = [file("images", "png"), file("jet", "png"), file("figures", "svg")];
             let last = if has.radio { &jet } else { &image };
-            if !last.exists() {
+            if !last.exists() || self.figures && !figure.exists() {
                 let p = run.predictor.render(pose)?.within(has);
                 ensure!(
                     p.is_finite(),
                     "pose {i}: a pixel of the rendering is not a finite number\n  help: the field has diverged; reconstruct it with smaller rates"
                 );
+                if self.figures {
+                    let title = format!("{}, pose {} of {}", run.info.method, i + 1, poses.len());
+                    io::write_atomic(&figure, charts::prediction(&title, p.halves(), &sensors, self.colours)?.as_bytes())?;
+                }
                 if let Some(depth) = &p.depth_m {
                     write_exr(&file("depth", "exr"), depth)?;
                 }

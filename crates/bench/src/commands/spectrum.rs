@@ -1,6 +1,7 @@
 //! `corf spectrum`: angular spectra at one pose, as numbers and as pictures.
 
 use super::{Verdict, show};
+use crate::charts::{self, ColourMap};
 use crate::files::json::write_json;
 use crate::radio_link::{PathArgs, Point, ScatteringArgs, path_args_over};
 use crate::run::claim_fresh;
@@ -34,7 +35,8 @@ pub struct Spectrum {
     /// Point to look at, world metres `x,y,z`; without it the transmitter, where there is one.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     towards: Option<Point>,
-    /// Output folder: for every kind KIND.exr (linear), KIND-db.exr and KIND-jet.png, and spectrum.json.
+    /// Output folder: for every kind KIND.exr (linear), KIND-db.exr, KIND-jet.png and KIND.svg (a figure with axes, colour bar and peaks), and
+    /// spectrum.json.
     #[arg(long)]
     out: PathBuf,
     /// Kinds of spectra; several may be given.
@@ -72,6 +74,9 @@ pub struct Spectrum {
     /// Width of the pictures' range under each spectrum's peak, dB.
     #[arg(long, default_value_t = 70.0, allow_hyphen_values = true)]
     range_db: f64,
+    /// Colours of the figures.
+    #[arg(long, value_enum, default_value_t)]
+    colours: ColourMap,
     /// Seed of the phases that diffuse power is given in the coherent kinds.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -122,6 +127,12 @@ struct Formed {
     line: String,
 }
 
+/// What a figure says under its title: where, from whom, and what arrives.
+fn caption(rx: DVec3, transmitter: &TransmitterConfig, line: &str) -> String {
+    let point = |p: DVec3| format!("({:.2}, {:.2}, {:.2}) m", p.x, p.y, p.z);
+    format!("At {}, from a transmitter at {}: {line}", point(rx), point(transmitter.position())).replace('-', "−")
+}
+
 impl Spectrum {
     /// Runs the command.
     ///
@@ -160,15 +171,17 @@ impl Spectrum {
             .map(|transmitter| self.form(transmitter, &radio, &config, &scene, &bvh, &pose, grid))
             .collect::<Result<_>>()?;
         let folder = claim_fresh(&self.out)?;
+        let frequency_hz = config.radio.frequency_hz;
         let mut summaries = Vec::new();
         let mut lines = Vec::new();
         for (number, of_one) in formed.into_iter().enumerate() {
             let [shown, out] = [self.out.as_path(), folder.path()]
                 .map(|path| if transmitters.len() == 1 { path.to_path_buf() } else { path.join(format!("tx{number}")) });
             let Formed { mut summary, images, line } = of_one;
+            let caption = caption(rx, transmitters[number], &line);
             let written: Vec<Value> = images
                 .iter()
-                .map(|(kind, image)| self.write(&out, kind.name(), Quantity::of(*kind), image))
+                .map(|(kind, image)| self.write(&out, kind.name(), Quantity::of(*kind), image, (grid, frequency_hz, &caption)))
                 .collect::<Result<_>>()?;
             lines.push(format!("{line}; {} spectra in {}", written.len(), shown.display()));
             summary["spectra"] = json!(written);
@@ -275,7 +288,14 @@ impl Spectrum {
     }
 
     /// The files of one spectrum and what is to be said about them.
-    fn write(&self, out: &Path, name: &str, quantity: Quantity, image: &Raster<f32>) -> Result<Value> {
+    fn write(
+        &self,
+        out: &Path,
+        name: &str,
+        quantity: Quantity,
+        image: &Raster<f32>,
+        (grid, frequency_hz, caption): (Grid, f64, &str),
+    ) -> Result<Value> {
         if let Some(i) = image.pixels().iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
             let (x, y) = (i % image.width(), i / image.width());
             let what = format!("pixel ({x}, {y}) is {}", image.pixels()[i]);
@@ -290,6 +310,9 @@ impl Spectrum {
         io::write_atomic(file(".exr"), &io::encode_exr_f32_in(image, "Y", quantity.unit())?)?;
         io::write_atomic(file("-db.exr"), &io::encode_exr_f32_in(&range.db_image(image), "Y", "dB")?)?;
         io::write_png(file("-jet.png"), &range.jet_image(image))?;
+        let title = format!("Angular power spectrum ({name}) at {:.4} GHz", frequency_hz / 1e9).replace(".0000 GHz", " GHz");
+        let svg = charts::spectrum([&title, caption], image, grid, (&range, quantity), self.colours)?;
+        io::write_atomic(file(".svg"), svg.as_bytes())?;
         Ok(json!({
             "kind": name,
             "quantity": quantity,

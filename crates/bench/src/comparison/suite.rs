@@ -26,6 +26,7 @@ use crate::report::{self, Report};
 use crate::run::KeptModel;
 use crate::split::{Protocol, Split};
 use crate::table::{self, Columns};
+use crate::terminal;
 use crate::terminal::interrupt::{self, Interrupted};
 use crate::viewer::{self, Subject};
 use anyhow::{Context, Result, ensure};
@@ -56,7 +57,7 @@ pub struct Written {
 impl Written {
     /// Its tables for a terminal.
     pub fn text(&self) -> String {
-        let table = |records: &[Record]| table::plain(&table::rows(records), &self.columns);
+        let table = |records: &[Record]| table::plain(&table::rows(records), &self.columns, terminal::width());
         if self.segment.is_empty() {
             return table(&self.records);
         }

@@ -15,7 +15,7 @@ use crate::metrics::input::Verify;
 use crate::metrics::stats::{Summary, summarize};
 use crate::record::{Numbers, Outcome, Record};
 use crate::split::Protocol;
-use crate::table::Place;
+use crate::table::{Place, TOO_FEW_MARK};
 use anyhow::{Context, Result, bail};
 use corf_scene::io::write_atomic;
 use schemars::JsonSchema;
@@ -125,6 +125,7 @@ impl Sweep {
             protocol: Protocol::Validation,
             segment: false,
             columns: Vec::new(),
+            evaluate_every: None,
             seeds: self.seeds.clone(),
             rows,
         };
@@ -167,7 +168,7 @@ impl Sweep {
                 labels.push(&record.row);
             }
         }
-        let mut other_devices = 0;
+        let (mut other_devices, mut too_few) = (0, false);
         for label in labels {
             let _ = write!(out, "\n| {} |", escape::markdown(label));
             let (mut light, mut radio, mut gaussians, mut time) = (vec![], vec![], vec![], vec![]);
@@ -191,9 +192,13 @@ impl Sweep {
             }
             let ratio = |v: &[f64]| summarize(v).map_or("–".to_owned(), |s| format!("× {:.2}", s.mean));
             let gain = |v: &[f64]| summarize(v).map_or("–".to_owned(), |s| interval(s, label));
+            too_few |= label != BASE && [&light, &radio].iter().any(|v| v.len() == 2);
             let _ = write!(out, " {} | {} | {} | {} |", gain(&light), gain(&radio), ratio(&gaussians), ratio(&time));
         }
         out.push('\n');
+        if too_few {
+            let _ = write!(out, "\n{TOO_FEW_MARK} Mean of two pairs: too few for a confidence interval.\n");
+        }
         if other_devices > 0 {
             let _ = write!(
                 out,
@@ -214,7 +219,8 @@ fn interval(s: Summary, label: &str) -> String {
     if label == BASE {
         return "–".to_owned();
     }
-    let text = s.half_width_95.map_or(format!("{:+.2}", s.mean), |h| format!("{:+.2} ± {h:.2}", s.mean));
+    let mark = if s.is_of_two() { format!(" {TOO_FEW_MARK}") } else { String::new() };
+    let text = s.half_width_95.map_or(format!("{:+.2}{mark}", s.mean), |h| format!("{:+.2} ± {h:.2}", s.mean));
     if s.excludes_zero() { format!("**{text}**") } else { text }
 }
 

@@ -13,7 +13,9 @@ use crate::record::prediction_folder::{PredictionFolder, Tally};
 use crate::record::predictions;
 use crate::record::{Outcome, PREDICTIONS, PROTOCOL, Record};
 use crate::report::row_folder;
+use crate::run::evaluation;
 use crate::run::harness::{self, Reconstruction};
+use crate::run::quality::QualityWatch;
 use crate::run::{self, RunInfo};
 use crate::split::{Protocol, Split};
 use crate::terminal::interrupt;
@@ -151,7 +153,7 @@ impl Part {
         let mut method = match Source::of(cell, &split, dataset, backend)? {
             Source::Method(method) => method,
             Source::Folder(folder) => {
-                let (frames, warnings) = harness::evaluate_folder(&folder, input, &split, look)?;
+                let (frames, warnings) = evaluation::evaluate_folder(&folder, input, &split, look)?;
                 warnings.iter().for_each(|warning| note!("{label}: {warning}"));
                 return Ok(harness::folder_record(&cell.row.label, &folder, input, plan.protocol, cell.seed, frames));
             }
@@ -191,7 +193,10 @@ impl Part {
             run::write_config(&folder, &info.config)?;
             run::write_finished(&folder, &info, result)
         };
-        let record = harness::run_cell(&cell.row.label, method.as_ref(), input, &split, cell.seed, &mut watch, look, keep_model);
+        let every = plan.evaluate_every.map(std::num::NonZeroUsize::get);
+        let quality = QualityWatch::where_possible(every, method.as_ref(), input, &split, backend)?;
+        let record =
+            harness::run_cell(&cell.row.label, method.as_ref(), input, &split, cell.seed, quality, &mut watch, look, keep_model);
         progress.finish();
         if record.is_err()
             && let Some(clock) = &mut clock

@@ -25,9 +25,14 @@ pub struct Plan {
     /// Whether every cell is run once more with the contiguous segment held out, into the folder `segment`. Default: no.
     #[serde(default)]
     pub segment: bool,
-    /// Columns of metrics in the tables: keys of metrics, `short`, `radio` or `all`. Default: `short`.
+    /// Columns of the tables, every word that `corf bench table --help` lists: keys of metrics, `short`, `radio`, `all`, `delta`, `-time` … Default:
+    /// `short`. Differences are those of the metric that is named first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub columns: Vec<String>,
+    /// Evaluate fields at work on the held-out keyframes after every so many keyframes (steps of methods that work in steps), for the report's
+    /// curves of quality over time; rows of methods without such a field have none. The evaluations are none of the seconds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub evaluate_every: Option<std::num::NonZeroUsize>,
     /// Seeds; every row is run with each, unless it says how many.
     pub seeds: Vec<u64>,
     /// Rows of the table, in order. Differences are taken to the first.

@@ -194,6 +194,11 @@ pub fn raster_of(id: &str, config: &Value) -> Result<Option<RasterConfig>> {
     find(id)?.0.raster.map(|raster| raster(&without_retired(config))).transpose()
 }
 
+/// Whether the RF colours of a method's Gaussians are its spectra.
+pub fn has_radio_colours(id: &str) -> bool {
+    id != "corf-array"
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -7,6 +7,7 @@ pub mod image;
 pub mod input;
 pub mod lpips;
 pub mod outage;
+pub mod peaks;
 pub mod radio;
 pub mod rate;
 pub mod stats;

@@ -2,6 +2,9 @@
 
 use serde::Serialize;
 
+/// Fewer values than this have no interval: of two, Student's t (12.7) makes one that is wider than whatever is measured.
+const FEWEST_FOR_INTERVAL: usize = 3;
+
 /// A mean over seeds with its 95 % confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Summary {
@@ -9,7 +12,7 @@ pub struct Summary {
     pub n: usize,
     /// Their mean.
     pub mean: f64,
-    /// Half width of the two-sided 95 % interval (Student's t); `None` for fewer than two values.
+    /// Half width of the two-sided 95 % interval (Student's t); `None` for fewer than three values.
     pub half_width_95: Option<f64>,
 }
 
@@ -20,7 +23,7 @@ pub fn summarize(values: &[f64]) -> Option<Summary> {
         return None;
     }
     let mean = values.iter().sum::<f64>() / n as f64;
-    let half_width_95 = (n >= 2).then(|| {
+    let half_width_95 = (n >= FEWEST_FOR_INTERVAL).then(|| {
         let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1) as f64;
         t_quantile_975(n - 1) * (variance / n as f64).sqrt()
     });
@@ -28,6 +31,11 @@ pub fn summarize(values: &[f64]) -> Option<Summary> {
 }
 
 impl Summary {
+    /// Whether it is of two values: a mean that no interval can be given for, and that a reader might take for one with an interval.
+    pub fn is_of_two(&self) -> bool {
+        self.n == 2
+    }
+
     /// Whether the interval lies on one side of zero; never without an interval.
     pub fn excludes_zero(&self) -> bool {
         self.half_width_95.is_some_and(|h| self.mean.abs() > h)
@@ -79,8 +87,18 @@ mod tests {
     fn one_value_has_no_interval_and_proves_nothing() {
         let s = summarize(&[4.0]).unwrap();
         assert_eq!(s.half_width_95, None);
-        assert!(!s.excludes_zero());
+        assert!(!s.excludes_zero() && !s.is_of_two());
         assert_eq!(summarize(&[]), None);
+    }
+
+    #[test]
+    fn two_values_are_too_few_for_an_interval_and_three_are_not() {
+        let two = summarize(&[1.0, 27.0]).unwrap();
+        assert_eq!((two.mean, two.half_width_95, two.is_of_two()), (14.0, None, true), "it would be ± 165");
+        assert!(!two.excludes_zero());
+        // 1, 2, 3: s = 1, t(2) = 4.303, half width 4.303/√3 = 2.484.
+        let three = summarize(&[1.0, 2.0, 3.0]).unwrap();
+        assert!((three.half_width_95.unwrap() - 2.484).abs() < 1e-3 && !three.is_of_two());
     }
 
     #[test]

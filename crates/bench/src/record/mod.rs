@@ -142,6 +142,28 @@ pub struct CurvePoint {
     pub progress: f64,
     /// Gaussians at that time.
     pub gaussians: Option<usize>,
+    /// Quality at that time, where it was evaluated; the evaluation is none of the seconds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub held_out: Option<HeldOutQuality>,
+}
+
+/// How well a field at work predicts the held-out keyframes: means over them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HeldOutQuality {
+    /// PSNR of images, dB; none where none are predicted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_opt: Option<f64>,
+    /// PSNR of spectra on the data set's decibel range, dB; none where none are predicted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_rf_scalar: Option<f64>,
+}
+
+impl HeldOutQuality {
+    /// That of evaluated frames.
+    pub fn of(frames: &[FrameMetrics]) -> Self {
+        let over = |key: &str| COLUMNS.iter().find(|column| column.key == key)?.over(frames);
+        Self { psnr_opt: over("psnr_opt"), psnr_rf_scalar: over("psnr_rf_scalar") }
+    }
 }
 
 /// Most bytes of a record: one with ten thousand held-out keyframes has fewer.
@@ -395,7 +417,7 @@ pub(crate) mod tests {
         let frame =
             |index, psnr| FrameMetrics { index, masked_out: false, light: light(psnr), spectrum: None, lpips: BTreeMap::new() };
         let frames = vec![frame(0, 20.0 + seed as f64), frame(8, 21.0)];
-        let curve = vec![CurvePoint { seconds: 0.5, progress: 1.0, gaussians: Some(10) }];
+        let curve = vec![CurvePoint { seconds: 0.5, progress: 1.0, gaussians: Some(10), held_out: None }];
         Record {
             schema: SCHEMA.to_owned(),
             protocol: PROTOCOL.to_owned(),

@@ -2,7 +2,7 @@
 
 use crate::charts::{Frame, PALETTE, Plot, Scale, Stroke, Svg, extent, without_size};
 use crate::files::escape;
-use crate::record::{Numbers, Outcome, Record};
+use crate::record::{HeldOutQuality, Numbers, Outcome, Record};
 
 /// A row's line: its place among the rows, which gives its colour, and its points.
 struct Line {
@@ -89,6 +89,25 @@ pub(super) fn growth(records: &[Record]) -> String {
     let with_gaussians: Vec<Line> = lines(|p| p.gaussians.map(|_| 100.0 * p.progress));
     let progress = chart("Work done", "time, s", "%", &with_gaussians, true);
     format!("<div class=\"charts\">{count}{progress}</div>{}", legend(&cells))
+}
+
+/// Held-out quality over time, of rows that were evaluated while they worked; nothing where none was.
+pub(super) fn quality(records: &[Record]) -> String {
+    let cells = first_cells(records);
+    let lines = |of: fn(&HeldOutQuality) -> Option<f64>| -> Vec<Line> {
+        let points = |n: &Numbers| n.curve.iter().filter_map(|p| Some((p.seconds, of(&p.held_out?)?))).collect::<Vec<_>>();
+        cells.iter().enumerate().map(|(row, (_, n))| Line { row, points: points(n) }).filter(|l| !l.points.is_empty()).collect()
+    };
+    let radio = chart("Held-out PSNR of the spectrum (dB)", "time, s", "dB", &lines(|q| q.psnr_rf_scalar), false);
+    let light = chart("Held-out PSNR of the image", "time, s", "dB", &lines(|q| q.psnr_opt), false);
+    if radio.is_empty() && light.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<div class=\"charts\">{radio}{light}</div>{}<p class=\"note\">Means over the held-out keyframes, of each row's first seed, while the field grows; \
+         the evaluations are none of the seconds, and nothing of them is known to the method.</p>",
+        legend(&cells)
+    )
 }
 
 #[cfg(test)]

@@ -2,8 +2,7 @@
 
 pub mod along;
 mod charts;
-pub(crate) mod colours;
-pub(crate) mod embed;
+mod colours;
 mod pictures;
 mod plan_view;
 
@@ -74,6 +73,10 @@ fn html(report: &Report<'_>) -> Result<String> {
     if let Some(figures) = &report.figures {
         write!(out, "<h2>Along the way</h2>{}", figures.html())?;
     }
+    let quality = charts::quality(report.records);
+    if !quality.is_empty() {
+        write!(out, "<h2>Quality over time</h2>{quality}")?;
+    }
     write!(out, "<h2>Time and Gaussians</h2>{}", charts::growth(report.records))?;
     write!(out, "<h2>What was there, what was predicted</h2>{}", pictures::section(report, &observations)?)?;
     write!(out, "<h2>All metrics</h2>{}", all_metrics(report.records))?;
@@ -110,10 +113,10 @@ fn html_table(rows: &[table::Row<'_>], columns: &table::Columns) -> String {
     for line in &short.lines {
         let failed = if line.failed { " (failed cells)" } else { "" };
         let _ = write!(out, "<tr><th scope=\"row\">{}{failed}</th>", escape(line.label));
-        for (i, cell) in line.cells.iter().enumerate() {
-            let text = escape(cell);
-            let text = if line.bold == Some(i) { format!("<b>{text}</b>") } else { text };
-            let class = match line.marks[i] {
+        for cell in &line.cells {
+            let text = escape(&cell.text());
+            let text = if cell.bold { format!("<b>{text}</b>") } else { text };
+            let class = match cell.mark {
                 Mark::Best => " class=\"best\" title=\"the best of its column\"",
                 Mark::Near => " class=\"near\" title=\"its interval overlaps that of the best\"",
                 Mark::None => "",
@@ -123,7 +126,7 @@ fn html_table(rows: &[table::Row<'_>], columns: &table::Columns) -> String {
         out.push_str("</tr>");
     }
     out.push_str("</tbody>");
-    let marks = if short.lines.iter().any(|l| l.marks.contains(&Mark::Best)) {
+    let marks = if short.lines.iter().flat_map(|l| &l.cells).any(|cell| cell.mark == Mark::Best) {
         "<p class=\"note\"><span class=\"best\">Framed</span>: the best of its column. <span class=\"near\">Underlined</span>: its confidence \
          interval overlaps that of the best. <b>Bold</b>: a difference to the first row whose interval excludes zero.</p>"
     } else {

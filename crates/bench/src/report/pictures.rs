@@ -1,8 +1,8 @@
 //! Every held-out keyframe: observed and predicted under one slider, for the row that is chosen, with the error beside it.
 
-use super::colours::{bars, image_error, jet_bar, jet_image, spectrum_error};
-use super::embed::picture_uri;
+use super::colours::{bars, jet_bar, jet_image};
 use super::{Report, row_folder};
+use crate::charts::{image_error, picture_uri, spectrum_error};
 use crate::files::escape::html as escape;
 use crate::metrics::FrameMetrics;
 use crate::record::Outcome;

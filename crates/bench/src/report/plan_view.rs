@@ -1,7 +1,7 @@
 //! The room from above, put together from what the keyframes saw, with transmitter and trajectory.
 
 use super::Report;
-use super::embed::png_uri;
+use crate::charts::png_uri;
 use anyhow::Result;
 use corf_scene::{Light, Raster};
 use glam::DVec3;

@@ -1,14 +1,16 @@
-//! Runs one cell: a method on a dataset with a seed. Keeps the clock, evaluates the held-out keyframes, writes the record.
+//! Runs one cell: a method on a dataset with a seed. Keeps the clock and writes the record.
 
 use crate::methods::interface::{Advance, Method, Predictor, StageTime, TrainingSet};
 use crate::metrics::input::Input;
-use crate::metrics::{Evaluator, FrameMetrics, Halves, Prediction};
-use crate::record::prediction_folder::{PredictionFolder, Tally};
+use crate::metrics::{FrameMetrics, Prediction};
+use crate::record::prediction_folder::PredictionFolder;
 use crate::record::provenance::{Provenance, peak_memory_bytes, reset_peak_memory};
 use crate::record::{CLOCK, CurvePoint, NOT_STATED, Numbers, Outcome, PREDICTIONS, PROTOCOL, Record, SCHEMA, STATED_CLOCK};
+use crate::run::evaluation::evaluate;
+use crate::run::quality::QualityWatch;
 use crate::split::{Protocol, Split};
-use crate::terminal::interrupt::{self, Interrupted};
-use anyhow::{Context, Result, bail};
+use crate::terminal::interrupt::Interrupted;
+use anyhow::{Result, bail};
 use corf::depth::DepthQuality;
 use corf::{KeyframeTiming, LatencySummary};
 use corf_scene::Keyframe;
@@ -64,7 +66,7 @@ pub fn check_training(method: &dyn Method, dataset: &Dataset, split: &Split) -> 
     Ok(())
 }
 
-/// Runs a method on what a split trains with, on the harness's clock.
+/// Runs a method on what a split trains with, on the harness's clock; `quality` is evaluated beside the clock.
 ///
 /// # Errors
 /// The method's errors; a dataset without training keyframes.
@@ -73,33 +75,47 @@ pub fn reconstruct(
     dataset: &Dataset,
     split: &Split,
     seed: u64,
+    quality: Option<&mut QualityWatch<'_>>,
     watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
 ) -> Result<Reconstruction> {
     check_training(method, dataset, split)?;
     let training = TrainingSet::new(dataset, split);
     training.read_ahead();
-    clocked(|advance| method.reconstruct(&training, seed, advance), &|| training.loading_time(), watch)
+    clocked(|advance| method.reconstruct(&training, seed, advance), &|| training.loading_time(), quality, watch)
 }
 
-/// Runs a reconstruction on the harness's clock; `idle` is the time so far that is none of its work.
+/// Runs a reconstruction on the harness's clock; `idle` is the time so far that is none of its work, and what `quality` takes is none either.
 ///
 /// # Errors
 /// The reconstruction's.
 pub fn clocked(
     work: impl FnOnce(&mut dyn FnMut(Advance<'_>) -> Result<()>) -> Result<Box<dyn Predictor>>,
     idle: &dyn Fn() -> Duration,
+    mut quality: Option<&mut QualityWatch<'_>>,
     watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
 ) -> Result<Reconstruction> {
     reset_peak_memory();
     let (mut curve, mut keyframes, mut depth) = (Vec::new(), Vec::new(), None);
     let (mut stages, mut resumed_steps) = (Vec::new(), 0);
     let start = Instant::now();
-    let predictor = work(&mut |advance: Advance<'_>| {
-        let seconds = (start.elapsed().saturating_sub(idle())).as_secs_f64();
+    let mut evaluating = Duration::ZERO;
+    let seconds_but = |evaluating: Duration| start.elapsed().saturating_sub(idle() + evaluating).as_secs_f64();
+    let mut predictor = work(&mut |advance: Advance<'_>| {
+        let seconds = seconds_but(evaluating);
+        let held_out = match &mut quality {
+            Some(quality) => {
+                let begun = Instant::now();
+                let held_out = quality.look(&advance)?;
+                evaluating += begun.elapsed();
+                held_out
+            }
+            None => None,
+        };
         curve.push(CurvePoint {
             seconds,
             progress: advance.done as f64 / advance.total.max(1) as f64,
             gaussians: advance.gaussians,
+            held_out,
         });
         keyframes.extend(advance.keyframe);
         depth = advance.depth.or(depth);
@@ -109,62 +125,14 @@ pub fn clocked(
         resumed_steps = advance.resumed_steps.max(resumed_steps);
         watch(advance)
     })?;
-    let seconds = (start.elapsed().saturating_sub(idle())).as_secs_f64();
+    let seconds = seconds_but(evaluating);
     let peak_memory_bytes = peak_memory_bytes();
+    if let Some(quality) = quality {
+        // The finished field, as `corf evaluate` will find it.
+        let held_out = Some(quality.of(predictor.as_mut())?);
+        curve.push(CurvePoint { seconds, progress: 1.0, gaussians: predictor.gaussians(), held_out });
+    }
     Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes, keyframes, depth, stages, resumed_steps })
-}
-
-/// The held-out keyframes, read one by one; an interrupt ends them with its error.
-fn held_out<'a>(dataset: &'a Dataset, split: &'a Split) -> impl Iterator<Item = Result<Keyframe>> + 'a {
-    split.held_out.iter().map(|&index| {
-        interrupt::check()?;
-        dataset.keyframe(index).with_context(|| format!("while reading held-out keyframe {index}"))
-    })
-}
-
-/// Evaluates a predictor on the held-out keyframes; `look` sees every prediction beside its truth.
-///
-/// # Errors
-/// Unreadable keyframes, images too small for a network, or a predictor that answers with an error.
-pub fn evaluate(
-    predictor: &mut dyn Predictor,
-    input: &Input,
-    split: &Split,
-    mut look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
-) -> Result<Vec<FrameMetrics>> {
-    split.check_held_out()?;
-    let evaluator = Evaluator::of(input);
-    let mut frames = Vec::new();
-    for truth in held_out(&input.dataset, split) {
-        let truth = truth?;
-        let prediction = predictor.render(&truth.world_from_camera)?.within(truth.modalities());
-        frames.push(evaluator.compare(prediction.halves(), &truth));
-        look(&truth, &prediction)?;
-    }
-    Ok(frames)
-}
-
-/// Scores another program's predictions of the held-out keyframes; `look` sees every one beside its truth. Returns the metrics and what has to
-/// be said of the files.
-///
-/// # Errors
-/// Unreadable keyframes or predictions.
-pub fn evaluate_folder(
-    folder: &PredictionFolder,
-    input: &Input,
-    split: &Split,
-    mut look: impl FnMut(&Keyframe, Halves<'_>) -> Result<()>,
-) -> Result<(Vec<FrameMetrics>, Vec<String>)> {
-    split.check_held_out()?;
-    let (dataset, evaluator) = (&input.dataset, Evaluator::of(input));
-    let (mut frames, mut tally) = (Vec::new(), Tally::default());
-    for truth in held_out(dataset, split) {
-        let truth = truth?;
-        let predicted = folder.read(truth.index, dataset, &mut tally)?;
-        frames.push(evaluator.compare(predicted.halves(), &truth));
-        look(&truth, predicted.halves())?;
-    }
-    Ok((frames, folder.warnings(&tally, dataset.db_range().as_ref())))
 }
 
 /// The part of a record that its maker has to say: a method, or another program's predictions.
@@ -250,21 +218,23 @@ pub fn run_cell(
     input: &Input,
     split: &Split,
     seed: u64,
+    mut quality: Option<QualityWatch<'_>>,
     watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
     keep: impl FnOnce(&Reconstruction) -> Result<()>,
 ) -> Result<Record> {
     let checked = method.check_files(&TrainingSet::new(&input.dataset, split));
-    let outcome = checked.and_then(|()| reconstruct(method, &input.dataset, split, seed, watch)).and_then(|mut r| {
-        let frames = evaluate(r.predictor.as_mut(), input, split, look)?;
-        keep(&r)?;
-        let latency = LatencySummary::of(&r.keyframes);
-        let numbers = Numbers::of(frames, Some(r.seconds), r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency)
-            .with_depth(r.depth)
-            .with_stages(r.stages);
-        numbers.check()?;
-        Ok(Outcome::Done(Box::new(numbers)))
-    });
+    let outcome =
+        checked.and_then(|()| reconstruct(method, &input.dataset, split, seed, quality.as_mut(), watch)).and_then(|mut r| {
+            let frames = evaluate(r.predictor.as_mut(), input, split, look)?;
+            keep(&r)?;
+            let latency = LatencySummary::of(&r.keyframes);
+            let numbers = Numbers::of(frames, Some(r.seconds), r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency)
+                .with_depth(r.depth)
+                .with_stages(r.stages);
+            numbers.check()?;
+            Ok(Outcome::Done(Box::new(numbers)))
+        });
     let outcome = match outcome {
         Err(error) if error.is::<Interrupted>() => return Err(error),
         other => other.unwrap_or_else(|error| Outcome::Failed { error: format!("{error:#}") }),

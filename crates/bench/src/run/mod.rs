@@ -4,13 +4,17 @@
 //! RUN/checkpoint    the state after a keyframe, while the run lasts
 //! RUN/run.json      method, configuration, seed, dataset, time, curve (written last: a run without it is not finished)
 //! RUN/*.ply         the field (CORF-GS, RF-3DGS), and the points that RF-3DGS began with
+//! RUN/quality.svg   held-out quality over time, where it was asked for by `--evaluate-every`
 //! RUN/metrics.json  written by `corf evaluate`, with beam.svg, rate.svg and outage.svg where spectra have beams
 //! RUN/live.jsonl    what became of every keyframe, RUN/dataset the keyframes themselves (`corf reconstruct --follow`)
 //! RUN/unfinished.json  what such a run was begun with, until it is finished: the same command goes on with it
 //! ```
 
+pub mod evaluation;
 pub mod harness;
 pub mod open;
+pub mod picture;
+pub mod quality;
 
 use crate::files::json::write_numbers;
 use crate::files::output::{FreshFolder, clear_leftovers, has_unfinished, is_leftover, was_finishing};

@@ -1,7 +1,9 @@
-//! The notations of a table: Markdown, CSV, LaTeX, and aligned text for a terminal.
+//! The notations of a table: Markdown, CSV, LaTeX (plain, and with columns of siunitx), and aligned text for a terminal.
 
-use super::{Columns, Extra, Row, devices, note, short, text};
+use super::columns::Extra;
+use super::{Cell, Columns, Mark, Row, Short, Value, devices, short, short_with};
 use crate::files::escape;
+use crate::metrics::stats::Summary;
 use crate::metrics::{COLUMNS, Column};
 use crate::record::{Outcome, Record};
 use std::fmt::Write;
@@ -12,9 +14,9 @@ pub fn markdown(rows: &[Row<'_>], columns: &Columns) -> String {
     let mut out = format!("| {} |\n|---|{}\n", short.headings.join(" | "), "---:|".repeat(short.headings.len() - 1));
     for line in &short.lines {
         let _ = write!(out, "| {}{} |", escape::markdown(line.label), if line.failed { " (failed cells)" } else { "" });
-        for (i, cell) in line.cells.iter().enumerate() {
-            let mark = if line.bold == Some(i) { "**" } else { "" };
-            let _ = write!(out, " {mark}{cell}{mark} |");
+        for cell in &line.cells {
+            let mark = if cell.bold { "**" } else { "" };
+            let _ = write!(out, " {mark}{}{mark} |", cell.text());
         }
         out.push('\n');
     }
@@ -76,63 +78,176 @@ pub fn csv(records: &[Record]) -> String {
 /// What usually stands behind the metrics where there is little room: no differences.
 const NARROW: &[Extra] = &[Extra::Gaussians, Extra::Seconds];
 
-/// The table as a LaTeX tabular.
-pub fn latex(rows: &[Row<'_>], columns: &Columns) -> String {
-    let (extras, leading) = (columns.extras(NARROW), columns.leading());
-    let mut out = format!("\\begin{{tabular}}{{l|{}}}\n  \\toprule\n  Method", "c".repeat(columns.metrics.len() + extras.len()));
-    columns.metrics.iter().for_each(|c| out.push_str(&format!(" & {}", c.latex)));
-    for extra in &extras {
-        out.push_str(&match extra {
-            Extra::Difference => format!(" & $\\Delta$ {}", leading.latex),
-            Extra::Gaussians => " & Gaussians".to_owned(),
-            Extra::Seconds => " & Time (s)".to_owned(),
-            Extra::Seeds => " & Seeds".to_owned(),
-        });
+/// Headings of all columns but the first, in LaTeX.
+fn latex_headings(columns: &Columns) -> Vec<String> {
+    let leading = columns.leading();
+    let of_extra = |extra: Extra| match extra {
+        Extra::Difference => format!("$\\Delta$ {}", leading.latex),
+        Extra::Gaussians => "Gaussians".to_owned(),
+        Extra::Seconds => "Time (s)".to_owned(),
+        Extra::Seeds => "Seeds".to_owned(),
+    };
+    let of_metrics = columns.metrics.iter().map(|c| c.latex.to_owned());
+    of_metrics.chain(columns.extras(NARROW).into_iter().map(of_extra)).collect()
+}
+
+/// A cell's number as LaTeX and siunitx read it; `None` where nothing stands in it.
+fn latex_number(cell: &Cell) -> Option<String> {
+    let digits = cell.digits;
+    match cell.value {
+        Value::None => None,
+        Value::Count(count) => Some(count.to_string()),
+        Value::Mean(Summary { mean, half_width_95: Some(half), .. }) => Some(format!("{mean:.digits$} \\pm {half:.digits$}")),
+        Value::Mean(Summary { mean, .. }) => Some(format!("{mean:.digits$}")),
     }
+}
+
+/// Marks behind a cell's number, in LaTeX.
+fn latex_marks(cell: &Cell) -> String {
+    let marks = [(cell.is_of_two(), r"\ddagger"), (cell.stated, r"\dagger")];
+    let marks: String = marks.iter().filter(|(is_so, _)| *is_so).map(|(_, mark)| *mark).collect();
+    if marks.is_empty() { marks } else { format!("^{{{marks}}}") }
+}
+
+/// Whether a cell is set in bold: the best of its column, or a difference whose interval excludes zero.
+fn is_bold(cell: &Cell) -> bool {
+    cell.bold || cell.mark == Mark::Best
+}
+
+/// A tabular: `spec` are its columns, a line of `headings`, and every cell as `write` has it.
+fn tabular(short: &Short<'_>, spec: &str, headings: &[String], write: impl Fn(&Cell) -> String) -> String {
+    let mut out = format!("\\begin{{tabular}}{{{spec}}}\n  \\toprule\n  Method");
+    headings.iter().for_each(|heading| out.push_str(&format!(" & {heading}")));
     out.push_str(" \\\\\n  \\midrule\n");
-    for row in rows {
-        let _ = write!(out, "  {}", escape::latex(&row.label));
-        let cell = |summary, digits| text(summary, digits, r"\pm").replace('–', "-");
-        let stated = |cell: String| if row.stated && cell != "-" { format!("{cell}^\\dagger") } else { cell };
-        columns.metrics.iter().for_each(|c| out.push_str(&format!(" & ${}$", cell(row.metric(c), c.digits))));
-        for extra in &extras {
-            let text = match extra {
-                Extra::Difference => cell(
-                    rows.first().filter(|first| !std::ptr::eq(*first, row)).and_then(|first| row.difference_of(leading, first)),
-                    2,
-                ),
-                Extra::Gaussians => stated(cell(row.gaussians(), 0)),
-                Extra::Seconds => stated(cell(row.seconds(), 1)),
-                Extra::Seeds => row.done.len().to_string(),
-            };
-            let _ = write!(out, " & ${text}$");
-        }
+    for line in &short.lines {
+        let _ = write!(out, "  {}", escape::latex(line.label));
+        line.cells.iter().for_each(|cell| out.push_str(&format!(" & {}", write(cell))));
         out.push_str(" \\\\\n");
     }
     // A comment ends with its line.
-    let all: Vec<&Row<'_>> = rows.iter().collect();
-    let _ = write!(out, "  \\bottomrule\n\\end{{tabular}}\n% {}\n", note(&all, columns).replace(char::is_control, " "));
+    let note = short.note.replace(char::is_control, " ");
+    let _ = write!(
+        out,
+        "  \\bottomrule\n\\end{{tabular}}\n% Bold: the best of its column, and differences to the first row whose interval excludes zero. {note}\n"
+    );
     out
 }
 
-/// The table for a terminal: aligned columns, no markup.
-pub fn plain(rows: &[Row<'_>], columns: &Columns) -> String {
-    let narrow = Columns { extras: Some(columns.extras(NARROW)), ..columns.clone() };
-    let short = short(rows, &narrow);
+/// The table as a LaTeX tabular with the package booktabs alone.
+pub fn latex(rows: &[Row<'_>], columns: &Columns) -> String {
+    let short = short_with(rows, columns, NARROW);
+    let headings = latex_headings(columns);
+    let spec = format!("l{}", "r".repeat(headings.len()));
+    tabular(&short, &spec, &headings, |cell| {
+        let Some(number) = latex_number(cell) else { return "--".to_owned() };
+        let number = if is_bold(cell) { format!("\\mathbf{{{number}}}") } else { number };
+        format!("${number}{}$", latex_marks(cell))
+    })
+}
+
+/// The table as a LaTeX tabular with the packages booktabs and siunitx (version 2 or 3): numbers stand under each other by their points.
+pub fn siunitx(rows: &[Row<'_>], columns: &Columns) -> String {
+    let short = short_with(rows, columns, NARROW);
+    let headings: Vec<String> = latex_headings(columns).into_iter().map(|heading| format!("{{{heading}}}")).collect();
+    let mut spec = String::from("l");
+    for at in 0..headings.len() {
+        let cells: Vec<&Cell> = short.lines.iter().map(|line| &line.cells[at]).collect();
+        let _ = write!(spec, "S[table-format={}]", table_format(&cells));
+    }
+    let table = tabular(&short, &spec, &headings, |cell| {
+        // What is no number stands in braces.
+        let Some(number) = latex_number(cell) else { return "{--}".to_owned() };
+        let marks = latex_marks(cell);
+        let marks = if marks.is_empty() { marks } else { format!(" {{${{}}{marks}$}}") };
+        format!("{}{number}{marks}", if is_bold(cell) { "\\bfseries " } else { "" })
+    });
+    format!(
+        "% \\usepackage{{booktabs,siunitx,etoolbox}}\n% \\robustify\\bfseries \\sisetup{{separate-uncertainty=true, detect-weight=true, mode=text, group-digits=false}}\n{table}"
+    )
+}
+
+/// siunitx's description of a column's numbers: digits before and after the point, and those of the interval.
+fn table_format(cells: &[&Cell]) -> String {
+    let (mut sign, mut whole, mut decimals, mut uncertain) = ("", 1, 0, 0);
+    for cell in cells {
+        let (mean, half) = match cell.value {
+            Value::None => continue,
+            Value::Count(count) => (count as f64, None),
+            Value::Mean(summary) => (summary.mean, summary.half_width_95),
+        };
+        let digits = cell.digits;
+        let before = |v: f64| format!("{:.digits$}", v.abs()).split('.').next().map_or(1, str::len);
+        let written = |v: f64| format!("{v:.digits$}");
+        sign = if written(mean).starts_with('-') { "-" } else { sign };
+        (whole, decimals) = (whole.max(before(mean)), decimals.max(digits));
+        if let Some(half) = half {
+            // It is written in units of the last digit.
+            let places = written(half).replace('.', "").trim_start_matches('0').len().max(1);
+            uncertain = uncertain.max(places);
+        }
+    }
+    let uncertainty = if uncertain > 0 { format!("({uncertain})") } else { String::new() };
+    format!("{sign}{whole}.{decimals}{uncertainty}")
+}
+
+/// The table for a terminal: aligned columns, no markup. Where it is wider than `width` characters, its columns stand in several blocks under each
+/// other, each behind the labels, and the note is broken.
+pub fn plain(rows: &[Row<'_>], columns: &Columns, width: Option<usize>) -> String {
+    let short = short_with(rows, columns, NARROW);
     let mut lines: Vec<Vec<String>> = vec![short.headings.iter().map(|heading| heading.to_string()).collect()];
     for line in short.lines {
         let failed = if line.failed { " (FAILED)" } else { "" };
-        lines.push(std::iter::once(format!("{}{failed}", line.label)).chain(line.cells).collect());
+        lines.push(std::iter::once(format!("{}{failed}", line.label)).chain(line.cells.iter().map(Cell::text)).collect());
     }
-    let width = |column: usize| lines.iter().map(|l| l[column].chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..lines[0].len()).map(width).collect();
+    let widest = |column: usize| lines.iter().map(|l| l[column].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..lines[0].len()).map(widest).collect();
     let mut out = String::new();
-    for line in &lines {
-        for (column, cell) in line.iter().enumerate() {
-            let pad = " ".repeat(widths[column] - cell.chars().count());
-            out.push_str(&if column == 0 { format!("{cell}{pad}") } else { format!("  {pad}{cell}") });
+    for block in blocks(&widths, width) {
+        if !out.is_empty() {
+            out.push('\n');
         }
-        out.push('\n');
+        for line in &lines {
+            let _ = write!(out, "{}{}", line[0], " ".repeat(widths[0] - line[0].chars().count()));
+            for column in block.clone() {
+                let _ = write!(out, "  {}{}", " ".repeat(widths[column] - line[column].chars().count()), line[column]);
+            }
+            out.push('\n');
+        }
     }
-    out + &short.note + "\n"
+    out + &broken(&short.note, width) + "\n"
+}
+
+/// Columns that stand beside each other behind the first; one at least in each block.
+fn blocks(widths: &[usize], width: Option<usize>) -> Vec<std::ops::Range<usize>> {
+    let mut out = vec![];
+    let (mut from, mut used) = (1, widths[0]);
+    for (column, own) in widths.iter().enumerate().skip(1) {
+        if column > from && width.is_some_and(|width| used + 2 + own > width) {
+            out.push(from..column);
+            (from, used) = (column, widths[0]);
+        }
+        used += 2 + own;
+    }
+    out.push(from..widths.len());
+    out
+}
+
+/// A text in lines of at most `width` characters; a longer word has a line for itself.
+fn broken(text: &str, width: Option<usize>) -> String {
+    let Some(width) = width else { return text.to_owned() };
+    let mut lines: Vec<String> = Vec::new();
+    for paragraph in text.lines() {
+        let mut line = String::new();
+        for word in paragraph.split_whitespace() {
+            if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > width {
+                lines.push(std::mem::take(&mut line));
+            }
+            if !line.is_empty() {
+                line.push(' ');
+            }
+            line.push_str(word);
+        }
+        lines.push(line);
+    }
+    lines.join("\n")
 }

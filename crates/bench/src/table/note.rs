@@ -46,6 +46,7 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
     let seeds = rows.iter().map(|r| r.done.len()).max().unwrap_or(0);
     let mut note = match seeds {
         0 | 1 => "One seed: no confidence intervals.".to_owned(),
+        2 => format!("Mean over 2 seeds{}.", fewer_seeds(rows, 2)),
         n => format!("Mean ± 95 % confidence interval (Student's t) over {n} seeds{}.", fewer_seeds(rows, n)),
     };
     match rows.first().map(|r| r.protocol) {

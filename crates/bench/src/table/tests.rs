@@ -1,7 +1,7 @@
 //! What tables say and how text stays text in them.
 
 use super::*;
-use crate::metrics::{FrameMetrics, LightMetrics};
+use crate::metrics::{COLUMNS, FrameMetrics, LightMetrics, RADIO};
 use crate::record::provenance::Provenance;
 use crate::record::{NOT_STATED, PROTOCOL, SCHEMA};
 use std::collections::BTreeMap;
@@ -209,8 +209,9 @@ fn what_is_only_stated_is_marked_in_every_notation() {
     let table = markdown(&rows, &short);
     assert!(table.contains("| 10 † | 2.0 † |") && table.contains("| – | – |") && table.contains("| 10 | 2.0 |"), "{table}");
     assert!(table.contains("scored here: theirs; silent (†"), "{table}");
-    assert!(latex(&rows, &short).contains(r"& $10^\dagger$ & $2.0^\dagger$") && plain(&rows, &short).contains("2.0 †"));
-    assert!(latex(&rows, &short).contains("& $-$ & $-$"));
+    assert!(latex(&rows, &short).contains(r"& $10^{\dagger}$ & $2.0^{\dagger}$") && plain(&rows, &short, None).contains("2.0 †"));
+    assert!(siunitx(&rows, &short).contains(r"& 10 {${}^{\dagger}$} & 2.0 {${}^{\dagger}$}"), "{}", siunitx(&rows, &short));
+    assert!(latex(&rows, &short).contains("& -- & --") && siunitx(&rows, &short).contains("& {--} & {--}"));
     assert!(csv(&records).lines().nth(3).unwrap().contains(",done,,,"), "{}", csv(&records));
 }
 
@@ -250,12 +251,12 @@ fn lpips_has_columns_where_it_is_asked_for_and_tells_whose_is_missing() {
     ];
     let rows = rows(&records);
     let asked = columns(&["psnr_opt", "lpips"]).unwrap();
-    for text in [markdown(&rows, &asked), latex(&rows, &asked), plain(&rows, &asked)] {
+    for text in [markdown(&rows, &asked), latex(&rows, &asked), plain(&rows, &asked, None)] {
         assert!(text.contains("LPIPS not computed, for no weights were given") && text.contains("folder): half."), "{text}");
     }
     let table = markdown(&rows, &asked);
     assert!(table.contains("| LPIPS-VGG [-1,1] opt ↓ | LPIPS-VGG [-1,1] rf (Jet) ↓ | LPIPS-VGG [0,1] opt ↓ |"), "{table}");
-    assert!(table.lines().any(|l| l.starts_with("| full |") && l.contains("| 0.250 ± 0.000 |")), "{table}");
+    assert!(table.lines().any(|l| l.starts_with("| full |") && l.contains("| 0.250 ‡ |")), "{table}");
     assert!(table.lines().any(|l| l.starts_with("| half |") && l.contains("| – | – | – | – |")), "{table}");
     let unasked = markdown(&rows, &columns(&["psnr_opt"]).unwrap());
     assert!(!unasked.contains("LPIPS"), "{unasked}");
@@ -325,8 +326,80 @@ fn every_column_can_be_chosen_or_left_out() {
             && latex(&rows, &asked).contains("Seeds")
             && !latex(&rows, &asked).contains("Gaussians")
     );
-    assert!(plain(&rows, &asked).lines().next().unwrap().ends_with("seeds"));
+    assert!(plain(&rows, &asked, None).lines().next().unwrap().ends_with("seeds"));
     assert!(!latex(&rows, &short_columns()).contains("Delta") && latex(&rows, &short_columns()).contains("Gaussians"));
     let error = columns(&["psnr_op"]).unwrap_err().to_string();
     assert!(error.contains("did you mean psnr_opt?"), "{error}");
+}
+
+#[test]
+fn two_seeds_show_their_mean_and_say_that_they_are_too_few() {
+    let three = (1..=3).map(|seed| record("three", seed, 18.0 + 0.1 * seed as f64));
+    let two = [record("two", 1, 17.0), record("two", 2, 30.0)];
+    let records: Vec<Record> = three.chain(two).collect();
+    let mixed = rows(&records);
+    let asked = columns(&["psnr_rf_jet", "delta", "seeds"]).unwrap();
+    let table = markdown(&mixed, &asked);
+    assert!(table.contains("| three | 18.20 ± 0.25 | – | 3 |"), "{table}");
+    // With Student's t it would be 23.50 ± 82.59; so would the difference, which is of the seeds that both have.
+    assert!(table.contains("| two | 23.50 ‡ | 5.35 ‡ | 2 |"), "{table}");
+    assert!(table.contains("over 3 seeds, 2 of two. ") && table.contains(TOO_FEW_NOTE), "{table}");
+    let tex = latex(&mixed, &asked);
+    assert!(tex.contains(r"two & $\mathbf{23.50}^{\ddagger}$ & $5.35^{\ddagger}$ & $2$") && tex.contains(TOO_FEW_NOTE), "{tex}");
+    assert!(plain(&mixed, &asked, None).contains(TOO_FEW_NOTE));
+    // Where all have two there is no interval at all, and where none has, nothing is said of it.
+    let pairs = rows(&records[3..]);
+    let table = markdown(&pairs, &asked);
+    assert!(table.contains("Mean over 2 seeds. ‡ Mean of two seeds") && !table.contains('±'), "{table}");
+    assert!(!markdown(&rows(&records[..3]), &asked).contains('‡'));
+}
+
+#[test]
+fn latex_is_plain_booktabs_with_the_best_in_bold_and_siunitx_aligns_its_numbers() {
+    let records: Vec<Record> = (1..=3)
+        .flat_map(|seed| [record("ours", seed, 18.0 + 0.1 * seed as f64), record("other", seed, 8.0 + seed as f64)])
+        .collect();
+    let rows = rows(&records);
+    let asked = columns(&["psnr_rf_jet", "delta", "time"]).unwrap();
+    let tex = latex(&rows, &asked);
+    assert!(tex.starts_with("\\begin{tabular}{lrrr}\n  \\toprule\n  Method & PSNR$"), "{tex}");
+    assert!(!tex.contains('|') && !tex.contains("\\hline"), "{tex}");
+    assert!(tex.contains(r"ours & $\mathbf{18.20 \pm 0.25}$ & -- & ") && tex.contains(r"other & $10.00 \pm 2.48$ & "), "{tex}");
+    // 1.1 − 3 and so on: −8.2 ± 2.24, which excludes zero.
+    assert!(tex.contains(r"& $\mathbf{-8.20 \pm 2.24}$ &"), "{tex}");
+    let tex = siunitx(&rows, &asked);
+    assert!(tex.contains("{lS[table-format=2.2(3)]S[table-format=-1.2(3)]S[table-format="), "{tex}");
+    assert!(
+        tex.contains(r" & {PSNR$_\mathrm{rf}^\uparrow$} & {$\Delta$ ")
+            && tex.contains(r"ours & \bfseries 18.20 \pm 0.25 & {--} & "),
+        "{tex}"
+    );
+    assert!(
+        tex.contains(r"other & 10.00 \pm 2.48 & \bfseries -8.20 \pm 2.24 & ") && tex.contains("% \\usepackage{booktabs,siunitx"),
+        "{tex}"
+    );
+}
+
+#[test]
+fn a_table_for_a_terminal_is_no_wider_than_it() {
+    let records: Vec<Record> =
+        (1..=3).flat_map(|seed| [record("CORF-GS", seed, 18.0), record("w/o joint (frozen geometry)", seed, 17.0)]).collect();
+    let rows = rows(&records);
+    let asked = columns(&["short", "radio"]).unwrap();
+    let whole = plain(&rows, &asked, None);
+    assert!(whole.lines().map(|line| line.chars().count()).max() > Some(400));
+    for width in [60, 80, 120] {
+        let narrow = plain(&rows, &asked, Some(width));
+        let widest = narrow.lines().map(|line| line.chars().count()).max();
+        assert!(widest <= Some(width), "{width}: {widest:?}\n{narrow}");
+        // Every column is there once, and every block says whose it is.
+        let blocks = narrow.lines().filter(|line| line.starts_with("method ")).count();
+        assert_eq!(narrow.lines().filter(|line| line.starts_with("CORF-GS ")).count(), blocks);
+        asked.metrics.iter().for_each(|c| assert!(narrow.contains(c.heading), "{}", c.key));
+        let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+        let note = whole.lines().last().unwrap();
+        assert!(words(&narrow).ends_with(&words(note)), "{narrow}");
+    }
+    // A column that is wider than the terminal is not cut.
+    assert!(plain(&rows, &asked, Some(10)).contains("w/o joint (frozen geometry)"));
 }

@@ -3,3 +3,11 @@
 pub mod interrupt;
 pub mod messages;
 pub mod progress;
+
+use std::io::IsTerminal;
+
+/// Width of the terminal that standard output is, characters; none where it is a file or a pipe.
+pub fn width() -> Option<usize> {
+    let columns = || terminal_size::terminal_size().map(|(width, _)| usize::from(width.0)).filter(|width| *width > 0);
+    std::io::stdout().is_terminal().then(columns).flatten()
+}

@@ -1,13 +1,14 @@
 //! Pictures and numbers of one keyframe: observed, predicted, and how far apart.
 
-use super::peaks::{self, Peak};
 use super::subject::{Run, Subject};
+use crate::charts::{image_error, picture_uri};
+use crate::metrics::peaks::{self, Peak};
 use crate::metrics::{COLUMNS, Prediction};
 use crate::record::predictions::{shrunk, shrunk_image, shrunk_scalar};
-use crate::report::{colours::image_error, embed::picture_uri};
 use anyhow::{Result, ensure};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use corf_raytrace::spectrum::Grid;
 use corf_scene::color::quantize8;
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Keyframe, Pinhole, Raster};
@@ -125,14 +126,14 @@ fn images(truth: &Raster<[u8; 3]>, predicted: Option<&Prediction>) -> Result<Ima
 fn spectra(truth: &Raster<f32>, predicted: Option<&Prediction>, camera: &Pinhole, range: &DbRange) -> Spectra {
     let observed = truth.map(|&s| range.scalar(s));
     let predicted = predicted.and_then(|p| p.radio.as_ref()).map(|radio| &radio.scalar);
-    let small = shrunk_scalar(&observed, SPECTRUM_COLUMNS);
+    let (small, grid) = (shrunk_scalar(&observed, SPECTRUM_COLUMNS), Grid::from(camera));
     Spectra {
         width: small.width(),
         height: small.height(),
         observed: levels(&small),
         predicted: predicted.map(|scalar| levels(&shrunk_scalar(scalar, SPECTRUM_COLUMNS))),
-        peaks_observed: peaks::find(&observed, camera, range),
-        peaks_predicted: predicted.map(|scalar| peaks::find(scalar, camera, range)).unwrap_or_default(),
+        peaks_observed: peaks::find(&observed, &grid, range),
+        peaks_predicted: predicted.map(|scalar| peaks::find(scalar, &grid, range)).unwrap_or_default(),
     }
 }
 

@@ -5,7 +5,7 @@
 //! scene       what the page has to know of it: cameras, poses, ranges, colours
 //! splats      the Gaussians as the page's graphics program reads them
 //! points      the points of a data set's sparse model
-//! keyframe    pictures and numbers of one keyframe; `peaks` finds a spectrum's strongest directions
+//! keyframe    pictures and numbers of one keyframe, and its spectrum's strongest directions
 //! growth      what a reconstruction at work and its page tell each other; `watching` serves that page from a thread
 //! page        the parts in one HTML file, exported whole
 //! guard       who is answered by the local server; `routes` what
@@ -21,7 +21,6 @@ pub mod guard;
 mod keyframe;
 mod opening;
 mod page;
-mod peaks;
 mod points;
 mod routes;
 mod scene;

@@ -3,7 +3,8 @@
 use super::points;
 use super::splats::{self, FieldLayout};
 use super::subject::{Role, Run, Subject, Work};
-use crate::report::colours::{ERROR_DB, ERROR_LIGHT, heat};
+use crate::charts::{ERROR_DB, ERROR_LIGHT, heat};
+use crate::methods::registry;
 use crate::run::RunInfo;
 use anyhow::Result;
 use corf::FieldMeta;
@@ -102,15 +103,9 @@ fn unit(quantity: Quantity) -> (&'static str, &'static str) {
         Quantity::Unknown => ("decibels of power in a unit that the data set does not state", "dB"),
     }
 }
-
-/// Whether the RF colours of a method's Gaussians are its spectra.
-pub(super) fn has_radio_colours(method: &str) -> bool {
-    method != "corf-array"
-}
-
 /// Layout of a run's Gaussians.
 pub(super) fn field_layout(run: &Run) -> Option<FieldLayout> {
-    run.field.as_ref().map(|(field, raster)| splats::layout(field, raster, has_radio_colours(&run.info.method)))
+    run.field.as_ref().map(|(field, raster)| splats::layout(field, raster, registry::has_radio_colours(&run.info.method)))
 }
 
 fn missing(subject: &Subject, field: Option<&FieldLayout>) -> String {
@@ -127,7 +122,7 @@ fn missing(subject: &Subject, field: Option<&FieldLayout>) -> String {
             )
         }
         (Some(Run { info: RunInfo { method, .. }, .. }), _, _) | (_, Some(Work { method, .. }), _)
-            if !has_radio_colours(method) =>
+            if !registry::has_radio_colours(method) =>
         {
             format!(
                 "Radio in {method} is no colour of Gaussians, and its spectra cannot be drawn from everywhere: see them at the keyframes."
@@ -188,7 +183,7 @@ impl SceneDocument {
         let mut notes = Vec::new();
         let missing = missing(subject, field.as_ref());
         let method = subject.run.as_ref().map(|run| &run.info.method).or(subject.work.as_ref().map(|work| &work.method));
-        let radio_colours = method.is_none_or(|method| has_radio_colours(method));
+        let radio_colours = method.is_none_or(|method| registry::has_radio_colours(method));
         if !radio_colours {
             notes.push(missing.clone());
         }

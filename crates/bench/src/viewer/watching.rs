@@ -76,5 +76,5 @@ fn drawing(method: &dyn Method) -> Result<(corf::RasterConfig, bool)> {
             method.id()
         )
     })?;
-    Ok((raster, super::scene::has_radio_colours(method.id())))
+    Ok((raster, registry::has_radio_colours(method.id())))
 }

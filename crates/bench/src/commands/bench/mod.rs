@@ -24,6 +24,7 @@ use crate::record::{ARCHIVE, write_archive};
 use crate::report::along;
 use crate::run::{claim_fresh, claim_output, claim_shared};
 use crate::table;
+use crate::terminal;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use corf_scene::io::{read, write_atomic};
@@ -107,20 +108,32 @@ pub struct SweepCommand {
 pub struct Table {
     /// Folder of `corf bench run`, `corf demo` or `corf bench pack`.
     folder: PathBuf,
-    /// Notation of the table. CSV has every metric of every cell.
+    /// Notation of the table.
     #[arg(long, value_enum, default_value_t = Notation::Markdown)]
     format: Notation,
-    /// Columns of metrics, with commas between: keys of metrics (docs/METHODOLOGY.md lists them), short, radio or all. Without it those of the plan.
-    #[arg(long, value_delimiter = ',', value_name = "KEY,KEY")]
+    /// Columns, with commas between: keys, short, radio, all …; --help lists them. Without it those of the plan.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "KEY,KEY",
+        allow_hyphen_values = true,
+        long_help = table::help_of_keys() + "\n\nWithout it those of the plan."
+    )]
     columns: Vec<String>,
 }
 
 /// Notations of a table.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Notation {
+    /// A table of Markdown.
     Markdown,
+    /// Every metric of every cell, a line each.
     Csv,
+    /// A tabular of LaTeX with booktabs.
     Latex,
+    /// The same with columns of siunitx, in which numbers stand under each other by their points.
+    Siunitx,
+    /// Aligned text, broken to the terminal's width.
     Plain,
 }
 
@@ -214,7 +227,8 @@ impl Table {
                 Notation::Markdown => table::markdown(&rows, &columns),
                 Notation::Csv => table::csv(&records),
                 Notation::Latex => table::latex(&rows, &columns),
-                Notation::Plain => table::plain(&rows, &columns),
+                Notation::Siunitx => table::siunitx(&rows, &columns),
+                Notation::Plain => table::plain(&rows, &columns, terminal::width()),
             })?;
         }
         Ok(Verdict::of(&records))

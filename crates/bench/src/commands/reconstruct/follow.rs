@@ -137,9 +137,10 @@ impl Follow<'_> {
         interrupt::let_first_end_input(true);
         note!("following {}: {} on {}", folder.display(), self.method, method.device());
         session.wait_for_first()?;
-        let work = harness::clocked(|advance| method.follow(&mut session, self.seed, advance), &|| Duration::ZERO, &mut |_| {
-            interrupt::check()
-        });
+        let work =
+            harness::clocked(|advance| method.follow(&mut session, self.seed, advance), &|| Duration::ZERO, None, &mut |_| {
+                interrupt::check()
+            });
         interrupt::let_first_end_input(false);
         let result = work?;
         // First: what is reconstructed stays, whatever becomes of the data set.

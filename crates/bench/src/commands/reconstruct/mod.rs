@@ -4,6 +4,7 @@ mod follow;
 
 use self::follow::Follow;
 use super::{Verdict, assignments, show};
+use crate::charts::{self, ColourMap};
 use crate::device::DeviceChoice;
 use crate::files::json::{read_numbers, read_text};
 use crate::files::separation::{Reads, keep_apart};
@@ -13,6 +14,8 @@ use crate::methods::interface::{Advance, Checkpoints, TrainingSet};
 use crate::metrics::input::Verify;
 use crate::note;
 use crate::run::harness;
+use crate::run::picture::Picture;
+use crate::run::quality::QualityWatch;
 use crate::run::{CONFIG, RunInfo, claim_output, initial_hash, write_config, write_finished};
 use crate::split::{Protocol, Split};
 use crate::terminal::interrupt;
@@ -21,6 +24,7 @@ use crate::viewer::{Port, Watching};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use corf::Field;
+use corf_scene::io::write_atomic;
 use std::path::{Path, PathBuf};
 
 /// `corf reconstruct`.
@@ -76,6 +80,17 @@ pub struct Reconstruct {
     /// Show the field in a browser while it grows: serves a page on 127.0.0.1 until the reconstruction ends, at this port or at one that is free.
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", value_parser = view_port)]
     view: Option<u16>,
+    /// Evaluate the field on the held-out keyframes after every N training keyframes (rf-3dgs: steps) and at the end, for a curve of quality over
+    /// time in run.json and quality.svg. The evaluations are none of the run's seconds, and the field is that of a run without them, byte for byte.
+    #[arg(long, value_name = "N", conflicts_with = "follow")]
+    evaluate_every: Option<usize>,
+    /// Draw the held-out keyframe that receives the most into this file (.svg): observed, predicted and the error of image and spectrum, with axes in
+    /// degrees, peaks and a colour bar for each scale.
+    #[arg(long, value_name = "FILE.svg", conflicts_with = "follow")]
+    figure: Option<PathBuf>,
+    /// Colours of spectra in the figure.
+    #[arg(long, value_enum, default_value_t, requires = "figure")]
+    colours: ColourMap,
     #[command(flatten)]
     verify: Verify,
     /// Device that reconstructs: auto, cpu, gpu, or gpu:N for the N-th adapter.
@@ -156,7 +171,9 @@ impl Reconstruct {
         // A port that cannot be had is known before any work.
         let port = self.view.map(|port| Port::hold(port, "--view")).transpose()?;
         let (protocol, overrides) = (self.protocol.unwrap_or_default(), self.overrides()?);
-        let mut method = methods::create(&self.method, &overrides, &self.device.resolve()?)?;
+        let mut picture = Picture::plan(self.figure.as_deref(), None, self.colours)?;
+        let backend = self.device.resolve()?;
+        let mut method = methods::create(&self.method, &overrides, &backend)?;
         if port.is_some() {
             Watching::check(method.as_ref())?;
         }
@@ -165,6 +182,11 @@ impl Reconstruct {
         let split = Split::of(dataset, protocol)?;
         harness::check_training(method.as_ref(), dataset, &split)?;
         methods::registry::check_data_set(method.as_ref(), &overrides, &TrainingSet::new(dataset, &split))?;
+        let every = self.evaluate_every;
+        let mut quality = every.map(|n| QualityWatch::new(n, method.as_ref(), &input, &split, &backend)).transpose()?;
+        if let Some(picture) = &mut picture {
+            picture.choose(method.id(), dataset, &split)?;
+        }
         let initial = initial_hash(&overrides)?;
         let _held = claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");
@@ -181,6 +203,18 @@ impl Reconstruct {
                 self.out.display()
             );
             note!("{} is finished already", self.out.display());
+            if let Some(file) = &self.figure {
+                note!(
+                    "--figure: nothing is drawn of it; `corf evaluate {} --figure {}` does",
+                    self.out.display(),
+                    file.display()
+                );
+            }
+            if every.is_some() && info.curve.iter().all(|point| point.held_out.is_none()) {
+                note!(
+                    "--evaluate-every: it was reconstructed without evaluations, and has no curve of quality: choose another --out for one"
+                );
+            }
             show(json, &info, &summary(&info))?;
             return Ok(Verdict::Done);
         }
@@ -200,13 +234,14 @@ impl Reconstruct {
         let watching = port.map(|port| Watching::start(port, method.as_ref(), self.seed, dataset, &split)).transpose()?;
         let mut progress =
             Progress::start(format!("{} on {}", self.method, dataset.header().name), split.train.len(), method.unit());
-        let result = harness::reconstruct(method.as_ref(), dataset, &split, self.seed, &mut |advance: Advance<'_>| {
+        let mut watch = |advance: Advance<'_>| {
             progress.set(advance.done, advance.total);
             if let Some(watching) = &watching {
                 watching.report(&advance);
             }
             interrupt::check()
-        })?;
+        };
+        let mut result = harness::reconstruct(method.as_ref(), dataset, &split, self.seed, quality.as_mut(), &mut watch)?;
         progress.finish();
         begun.keep();
         let info = RunInfo {
@@ -220,10 +255,19 @@ impl Reconstruct {
                 &result,
             )?
         };
+        if let Some(svg) = charts::quality(&format!("{} on {}", info.method, dataset.header().name), &info.curve)? {
+            write_atomic(self.out.join(QUALITY), svg.as_bytes())?;
+        }
         write_finished(&self.out, &info, &result)?;
         interrupt::kept(|| format!("{} is finished", self.out.display()));
         // What it was kept for is there.
         let _ = std::fs::remove_file(&checkpoint);
+        if let Some((picture, index)) = picture.as_mut().and_then(|picture| picture.index().map(|index| (picture, index))) {
+            let truth = dataset.keyframe(index)?;
+            let predicted = result.predictor.render(&truth.world_from_camera)?.within(truth.modalities());
+            picture.look(&truth, predicted.halves())?;
+            picture.write()?;
+        }
         show(json, &info, &summary(&info))?;
         if let Some(watching) = watching {
             // What is shown at the end is what was written.
@@ -233,6 +277,8 @@ impl Reconstruct {
     }
 }
 
+/// The figure of quality over time, in the run's folder.
+const QUALITY: &str = "quality.svg";
 /// The state of an unfinished run, in its folder.
 const CHECKPOINT: &str = "checkpoint";
 
@@ -273,6 +319,14 @@ fn summary(info: &RunInfo) -> String {
     }
     if info.resumed_steps > 0 {
         text += &format!("; {} steps came from a checkpoint", info.resumed_steps);
+    }
+    if let Some(quality) = info.curve.last().and_then(|point| point.held_out) {
+        let decibels = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.2} dB"));
+        text += &format!(
+            "\nheld-out PSNR of the finished field: spectrum (dB) {}, image {}",
+            decibels(quality.psnr_rf_scalar),
+            decibels(quality.psnr_opt)
+        );
     }
     for stage in &info.stages {
         text += &format!("\n  {:<10} {:>10.2} s", stage.name, stage.seconds);

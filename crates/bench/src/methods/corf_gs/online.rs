@@ -70,12 +70,18 @@ impl Online<'_> {
         let read = || shown(reconstructor.borrow_mut().field());
         let field = Some(FieldReader::new(&read));
         let gaussians = Some(report.gaussians);
-        advance(Advance { gaussians, keyframe: keyframe.as_ref(), field, ..Advance::of(done, self.total) }).inspect_err(|_| {
-            // An interrupt: what could not be kept is done again.
-            if self.checkpointer.kept != Some(done) {
-                report_unless_kept(self.checkpointer.keep(&mut self.reconstructor));
-            }
-        })
+        let begun = Instant::now();
+        advance(Advance { gaussians, keyframe: keyframe.as_ref(), field, ..Advance::of(done, self.total) }).inspect_err(
+            |_| {
+                // An interrupt: what could not be kept is done again.
+                if self.checkpointer.kept != Some(done) {
+                    report_unless_kept(self.checkpointer.keep(&mut self.reconstructor));
+                }
+            },
+        )?;
+        // What is done with the news (an evaluation) is no waiting of keyframes.
+        self.reconstructor.discount_wait(begun.elapsed());
+        Ok(())
     }
 }
 

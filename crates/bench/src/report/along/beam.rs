@@ -27,9 +27,8 @@ fn cell(beams: &BeamMetrics) -> Cell {
 /// # Errors
 /// Losses that no axis holds.
 pub(super) fn svg(way: &Way) -> Result<String> {
-    let height = HEAD + canvas::ROW * (way.tracks.len() as f64 + 4.0) + CHART + 20.0;
     let line = "The beam of the 8×8 codebook that is strongest in the prediction, against the one that is best as observed. In cells: what it loses, dB.";
-    canvas::figure(height, "Predicted best beam at held-out keyframes", line, |svg| {
+    canvas::figure("Predicted best beam at held-out keyframes", line, |svg| {
         let cells: Vec<Vec<Cell>> = way.tracks.iter().map(|t| t.stops.iter().map(|stop| cell(&stop.0)).collect()).collect();
         canvas::names(svg, way, HEAD + canvas::ROW);
         let end = canvas::strips(svg, way, HEAD, &cells, None)?;
@@ -40,7 +39,9 @@ pub(super) fn svg(way: &Way) -> Result<String> {
         ];
         let end = canvas::key(svg, end + 4.0, &entries);
         canvas::heading(svg, end + 8.0, "beam loss, dB");
-        losses(way, svg, end + 8.0 + canvas::ROW)
+        let top = end + 8.0 + canvas::ROW;
+        losses(way, svg, top)?;
+        Ok(top + CHART)
     })
 }
 

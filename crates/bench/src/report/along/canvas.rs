@@ -32,12 +32,16 @@ pub(super) const FAIR: Colour = [250, 196, 70];
 pub(super) const BAD: Colour = [200, 40, 60];
 pub(super) const OUT: Colour = [62, 72, 90];
 
-/// A figure of a height, with a title and a line of explanation.
-pub(super) fn figure(height: f64, title: &str, line: &str, draw: impl FnOnce(&mut Svg) -> Result<()>) -> Result<String> {
-    let mut svg = Svg::new(WIDTH as u32, height as u32);
+/// Space under a figure's last part.
+const FOOT: f64 = 14.0;
+
+/// A figure with a title and a line of explanation; `draw` returns the height at which its last part ends, and the figure ends behind it.
+pub(super) fn figure(title: &str, line: &str, draw: impl FnOnce(&mut Svg) -> Result<f64>) -> Result<String> {
+    let mut svg = Svg::new(WIDTH as u32, 0);
     svg.text((14.0, 22.0), title, 20.0, INK, Anchor::Start);
     svg.text((14.0, 45.0), line, LABEL, DIM, Anchor::Start);
-    draw(&mut svg).context("cannot draw the figures along the way")?;
+    let end = draw(&mut svg).context("cannot draw the figures along the way")?;
+    svg.set_height((end + FOOT).ceil() as u32);
     Ok(svg.finish())
 }
 

@@ -40,12 +40,10 @@ fn said(link: &LinkRates) -> Cell {
 /// # Errors
 /// Rates that no axis holds.
 pub(super) fn svg(way: &Way) -> Result<String> {
-    let rows = way.tracks.len() as f64 + 1.0;
-    let height = HEAD + canvas::ROW * (rows + 6.0) + canvas::AXIS + CHART + 20.0;
     let line = format!(
         "In outage: a rate below {TARGET_RATE_BPS_HZ} bit/s/Hz. First row: the best beam as observed; others: what the prediction says of the beam it chooses."
     );
-    canvas::figure(height, "Outage at held-out keyframes", &line, |svg| {
+    canvas::figure("Outage at held-out keyframes", &line, |svg| {
         let mut cells: Vec<Vec<Cell>> = vec![way.truth.iter().map(place).collect()];
         cells.extend(way.tracks.iter().map(|t| t.stops.iter().map(|stop| said(&stop.1)).collect()));
         let observed = Sample::Line(Stroke::of(INK, 4.0));
@@ -65,7 +63,9 @@ pub(super) fn svg(way: &Way) -> Result<String> {
         }
         let end = canvas::key(svg, end + 2.0, &entries);
         canvas::heading(svg, end + 10.0, "share of keyframes at which the chosen beam is in outage, %, by target rate");
-        shares(way, svg, end + 10.0 + canvas::ROW)
+        let top = end + 10.0 + canvas::ROW;
+        shares(way, svg, top)?;
+        Ok(top + CHART)
     })
 }
 

@@ -27,13 +27,14 @@ pub(super) fn svg(way: &Way) -> Result<String> {
     names.extend(way.out_of_service().next().map(|_| ("best beam in outage", Sample::Shade)));
     let chart_height = CHART.max(canvas::ROW * names.len() as f64 + canvas::AXIS);
     let line = format!("Rates as observed: log2(1 + SNR) with {}. Target {TARGET_RATE_BPS_HZ} bit/s/Hz.", budget());
-    canvas::figure(HEAD + canvas::ROW + chart_height + 14.0, "Rate of the chosen beam at held-out keyframes", &line, |svg| {
+    canvas::figure("Rate of the chosen beam at held-out keyframes", &line, |svg| {
         canvas::heading(svg, HEAD, "rate, bit/s/Hz");
         let top = HEAD + canvas::ROW;
         for (i, (text, sample)) in names.iter().enumerate() {
             canvas::name(svg, top + canvas::ROW * (i as f64 + 0.5), text, *sample);
         }
-        rates(way, svg, (top, chart_height), free.as_deref())
+        rates(way, svg, (top, chart_height), free.as_deref())?;
+        Ok(top + chart_height)
     })
 }
 

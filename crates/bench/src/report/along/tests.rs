@@ -70,6 +70,11 @@ fn figures_are_sound_whatever_the_rows_are_called() {
         for svg in [beam::svg(&way).unwrap(), rate::svg(&way).unwrap(), outage::svg(&way).unwrap()] {
             assert!(!svg.contains("<b>") && !svg.contains('\u{1b}') && !svg.contains("NaN") && !svg.contains("inf"), "{svg}");
             assert!(svg.contains("&lt;b&gt;surface") && svg.contains('…'), "a long name is cut");
+            // The last thing that is drawn, the name of the lowest axis, ends shortly above the foot: no empty strip, nothing cut.
+            let number = |text: &str| text.split('"').next().unwrap().parse::<f64>().unwrap();
+            let height = number(svg.split("height=\"").nth(1).unwrap());
+            let lowest = svg.split("<text x=").skip(1).map(|t| number(t.split("y=\"").nth(1).unwrap())).fold(0.0, f64::max);
+            assert!((8.0..32.0).contains(&(height - lowest)), "text down to {lowest} of {height}");
             let inline = without_size(&svg);
             let head = &inline[..inline.find('>').unwrap()];
             assert!(

@@ -6,7 +6,7 @@ use crate::files::escape;
 use crate::metrics::stats::Summary;
 use crate::record::Record;
 use crate::split::Protocol;
-use crate::table::{Columns, Row, note, text};
+use crate::table::{Columns, Row, TOO_FEW_MARK, TOO_FEW_NOTE, note, text};
 use std::fmt::Write;
 
 /// Text of what can be compared, for these records.
@@ -89,7 +89,15 @@ fn notes(tables: &[Beside<'_, '_>]) -> Vec<String> {
         }
     }
     if !taken.is_empty() {
-        out.insert(0, note(&taken, &Columns::none()));
+        let mut first = note(&taken, &Columns::none());
+        let of_two = |line: &Line<'_, '_>, figures: &[Figure]| {
+            let cell = |figure: &Figure| matches!(line.cell(*figure), Ours::Value(summary) if summary.is_of_two());
+            line.difference.is_some_and(|d| d.is_of_two()) || figures.iter().any(cell)
+        };
+        if tables.iter().any(|table| table.lines.iter().any(|line| of_two(line, table.table.figures))) {
+            first += &format!(" {TOO_FEW_NOTE}");
+        }
+        out.insert(0, first);
     }
     out
 }
@@ -135,7 +143,7 @@ pub fn markdown(tables: &[Beside<'_, '_>], head: &str) -> String {
     out + &markdown_notes(tables)
 }
 
-/// All four tables in LaTeX, with the packages booktabs and multirow.
+/// All four tables in LaTeX, with the package booktabs.
 pub fn latex(tables: &[Beside<'_, '_>], head: &str) -> String {
     // A comment ends with its line.
     let comment = |text: &str| format!("% {}\n", text.replace(char::is_control, " "));
@@ -144,7 +152,7 @@ pub fn latex(tables: &[Beside<'_, '_>], head: &str) -> String {
         let figures = table.table.figures;
         let _ = write!(
             out,
-            "\n{}\\begin{{tabular}}{{l|{}cc}}\n  \\toprule\n  Method",
+            "\n{}\\begin{{tabular}}{{l{}cc}}\n  \\toprule\n  Method",
             comment(&title(table)),
             "cc".repeat(figures.len())
         );
@@ -156,7 +164,7 @@ pub fn latex(tables: &[Beside<'_, '_>], head: &str) -> String {
             let _ = write!(out, "  {}", escape::latex(&line.name).replace('²', "$^2$"));
             for (figure, paper) in figures.iter().zip(line.paper.values) {
                 let cell = line.cell(*figure);
-                let written = ours(cell, *figure, r"\pm").replace('–', "--");
+                let written = ours(cell, *figure, r"\pm").replace('–', "--").replace(&format!(" {TOO_FEW_MARK}"), r"^\ddagger");
                 let written = if matches!(cell, Ours::Value(_)) { format!("${written}$") } else { written };
                 let _ = write!(out, " & {written} & ${paper:.*}$", figure.digits());
             }
@@ -164,7 +172,7 @@ pub fn latex(tables: &[Beside<'_, '_>], head: &str) -> String {
             let _ = writeln!(
                 out,
                 " & {} & {} \\\\",
-                difference(signed(line.difference, r"\pm")),
+                difference(signed(line.difference, r"\pm").replace(&format!(" {TOO_FEW_MARK}"), r"^\ddagger")),
                 difference(paper_signed(line.paper_difference(table.table)))
             );
         }

@@ -1,5 +1,6 @@
-//! Pictures as a part of a page.
+//! Pictures as a part of a figure or a page.
 
+use super::Colour;
 use crate::record::predictions::encode_jpeg;
 use anyhow::Result;
 use base64::Engine;
@@ -9,7 +10,8 @@ use corf_scene::io::encode_png;
 /// Quality of a page's JPEGs, of 100.
 const QUALITY: u8 = 82;
 
-fn uri(kind: &str, bytes: &[u8]) -> String {
+/// A file of an image as a data URI; `kind` is png or jpeg.
+fn data_uri(kind: &str, bytes: &[u8]) -> String {
     format!("data:image/{kind};base64,{}", base64::engine::general_purpose::STANDARD.encode(bytes))
 }
 
@@ -17,15 +19,15 @@ fn uri(kind: &str, bytes: &[u8]) -> String {
 ///
 /// # Errors
 /// A picture without pixels.
-pub(super) fn png_uri(picture: &Raster<[u8; 3]>) -> Result<String> {
-    Ok(uri("png", &encode_png(picture)?))
+pub fn png_uri(picture: &Raster<Colour>) -> Result<String> {
+    Ok(data_uri("png", &encode_png(picture)?))
 }
 
 /// A picture as a data URI: PNG or JPEG, whichever is shorter.
 ///
 /// # Errors
 /// A picture without pixels.
-pub(crate) fn picture_uri(picture: &Raster<[u8; 3]>) -> Result<String> {
+pub fn picture_uri(picture: &Raster<Colour>) -> Result<String> {
     let (png, jpeg) = (encode_png(picture)?, encode_jpeg(picture, QUALITY)?);
-    Ok(if png.len() <= jpeg.len() { uri("png", &png) } else { uri("jpeg", &jpeg) })
+    Ok(if png.len() <= jpeg.len() { data_uri("png", &png) } else { data_uri("jpeg", &jpeg) })
 }

@@ -1,8 +1,9 @@
 //! The strongest directions of a spectrum.
 
+use corf_raytrace::spectrum::Grid;
+use corf_scene::Raster;
 use corf_scene::keyframe::DbRange;
 use corf_scene::model::ARRAY_FROM_CAMERA;
-use corf_scene::{Pinhole, Raster};
 use glam::DVec3;
 use serde::Serialize;
 
@@ -15,9 +16,10 @@ const APART_DEG: f64 = 8.0;
 
 /// A direction from which more power comes than from those around it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(super) struct Peak {
-    /// Middle of its pixel as a share of the picture's width and height.
+pub struct Peak {
+    /// Middle of its pixel as a share of the picture's width.
     pub x: f64,
+    /// The same down the picture.
     pub y: f64,
     /// Azimuth in the array's frame, degrees, positive to the left of straight ahead.
     pub azimuth_deg: f64,
@@ -27,9 +29,9 @@ pub(super) struct Peak {
     pub db: f64,
 }
 
-/// The peaks of a scalar spectrum on `camera`'s pixels, the strongest first: no weaker neighbour, not at the floor, within [`WITHIN_DB`] of the
+/// The peaks of a scalar spectrum on the pixels of `grid`, the strongest first: no weaker neighbour, not at the floor, within [`WITHIN_DB`] of the
 /// strongest, [`APART_DEG`] apart.
-pub(super) fn find(scalar: &Raster<f32>, camera: &Pinhole, range: &DbRange) -> Vec<Peak> {
+pub fn find(scalar: &Raster<f32>, grid: &Grid, range: &DbRange) -> Vec<Peak> {
     let (width, height) = (scalar.width(), scalar.height());
     let is_highest = |x: usize, y: usize| {
         let value = scalar[(x, y)];
@@ -41,9 +43,10 @@ pub(super) fn find(scalar: &Raster<f32>, camera: &Pinhole, range: &DbRange) -> V
         (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).filter(|&(x, y)| is_highest(x, y)).collect();
     // Stable: of equal levels the first in reading order comes first.
     highest.sort_by(|a, b| scalar[*b].total_cmp(&scalar[*a]));
+    let directions = grid.directions();
     let mut found: Vec<(DVec3, Peak)> = Vec::new();
     for (x, y) in highest {
-        let (direction, db) = (camera.pixel_direction(x, y), range.db(scalar[(x, y)]));
+        let (direction, db) = (directions[y * width + x], range.db(scalar[(x, y)]));
         let too_weak = found.first().is_some_and(|(_, strongest)| db < strongest.db - WITHIN_DB);
         if found.len() == MOST || too_weak {
             break;
@@ -69,6 +72,7 @@ pub(super) fn find(scalar: &Raster<f32>, camera: &Pinhole, range: &DbRange) -> V
 #[cfg(test)]
 mod tests {
     use super::*;
+    use corf_scene::{Equirectangular, Pinhole};
 
     const RANGE: DbRange = DbRange { min_db: -100.0, max_db: -40.0 };
 
@@ -85,7 +89,7 @@ mod tests {
             let weak = bump(x, y, (40.0, 5.0), 0.4);
             [strong, beside, other, weak].into_iter().fold(0.0, f32::max)
         });
-        let peaks = find(&scalar, &camera, &RANGE);
+        let peaks = find(&scalar, &Grid::Pinhole(camera), &RANGE);
         assert_eq!(peaks.len(), 2, "one beside the strongest and one 30 dB below are none: {peaks:?}");
         let at = |p: &Peak| ((p.x * 60.0) as usize, (p.y * 40.0) as usize);
         assert_eq!((at(&peaks[0]), at(&peaks[1])), ((10, 8), (45, 30)));
@@ -99,9 +103,17 @@ mod tests {
 
     #[test]
     fn a_spectrum_without_power_has_no_peak() {
-        let camera = Pinhole::from_horizontal_fov(8, 6, 90.0);
+        let camera = Grid::Pinhole(Pinhole::from_horizontal_fov(8, 6, 90.0));
         assert!(find(&Raster::filled(8, 6, 0.0), &camera, &RANGE).is_empty());
         // All equal: one direction, the first.
-        assert_eq!(find(&Raster::filled(8, 6, 0.5), &Pinhole::from_horizontal_fov(8, 6, 5.0), &RANGE).len(), 1);
+        assert_eq!(find(&Raster::filled(8, 6, 0.5), &Grid::Pinhole(Pinhole::from_horizontal_fov(8, 6, 5.0)), &RANGE).len(), 1);
+    }
+
+    #[test]
+    fn a_peak_of_the_sphere_has_its_azimuth_and_elevation() {
+        let sphere = Equirectangular { width: 36, height: 18 };
+        let scalar = Raster::from_fn(36, 18, |x, y| if (x, y) == (3, 4) { 0.8 } else { 0.1 });
+        let peaks = find(&scalar, &Grid::Sphere(sphere), &RANGE);
+        assert!((peaks[0].azimuth_deg - 145.0).abs() < 1e-9 && (peaks[0].elevation_deg - 45.0).abs() < 1e-9, "{peaks:?}");
     }
 }
