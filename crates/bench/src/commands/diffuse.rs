@@ -117,7 +117,7 @@ impl Diffuse {
         let _held = self.arrivals.as_deref().map(claim_shared).transpose()?;
         let replicas = self.replicas;
         let mut sums = vec![Vec::new(); self.rx.len()];
-        let mut progress = Progress::start("diffuse", self.rx.len() * replicas as usize, "receivers/s");
+        let mut progress = Progress::start("diffuse", self.rx.len() * replicas as usize, "receivers");
         for phase in 0..replicas {
             let field = DiffuseField::new(&tracer, tx, &DiffuseSettings { phase, ..sampling })?;
             for (i, rx) in self.rx.iter().enumerate() {

@@ -12,6 +12,7 @@ pub use receivers::receivers;
 use crate::note;
 use crate::scenes::in_use;
 use crate::terminal::messages;
+use crate::terminal::progress::Stage;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -325,15 +326,17 @@ impl LinkSetup {
     }
 
     /// Visits every transmitter, with its number and, where that is asked for, its diffuse field; those with one element in common share a tracer.
+    /// `receivers`, where all are known, are those that `visit` asks paths to.
     ///
     /// # Errors
     /// A transmitter that cannot be traced, and what `visit` says.
     pub fn each_transmitter(
         &self,
         sampling: &DiffuseSettings,
+        receivers: Option<&[DVec3]>,
         mut visit: impl FnMut(usize, &Transmitter<'_, '_>, Option<&DiffuseField<'_, '_>>) -> Result<()>,
     ) -> Result<()> {
-        let bvh = Bvh::build(&self.scene);
+        let bvh = Stage::of("search tree of the scene", || Bvh::build(&self.scene));
         let traced_from = |array: &AntennaArray| RadioTracer::new(&self.scene, &bvh, self.radio_settings(array));
         let mut tracer = traced_from(&self.transmitters[0].array)?;
         messages::findings(open_edges_note(&tracer));
@@ -341,8 +344,12 @@ impl LinkSetup {
             if tracer.settings().tx_antenna != array.element {
                 tracer = traced_from(&array)?;
             }
-            let transmitter = tracer.transmitter(position)?;
-            let field = self.link.diffuse.then(|| DiffuseField::new(&tracer, position, sampling)).transpose()?;
+            let transmitter = Stage::of("mirrors that the transmitter sees", || match receivers {
+                Some(receivers) => tracer.transmitter_towards(position, receivers),
+                None => tracer.transmitter(position),
+            })?;
+            let photons = || Stage::of("photons of the radio field", || DiffuseField::new(&tracer, position, sampling));
+            let field = self.link.diffuse.then(photons).transpose()?;
             visit(number, &transmitter, field.as_ref())?;
         }
         Ok(())

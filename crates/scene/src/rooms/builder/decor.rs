@@ -155,11 +155,11 @@ pub fn bookcase(name: &str, seed: u64, length: f64, height: f64) -> Object {
     o
 }
 
-/// A floor lamp: marble foot, brass rod, cloth drum that glows.
+/// A floor lamp: marble foot, brass rod, cloth drum that glows, closed above and below by the cloth's diffusers.
 pub fn floor_lamp() -> Object {
     let mut o =
         Object::new("").with(Mat::MarbleWhite, disc(0.15, 0.0, 0.04, 32)).with(Mat::Brass, cylinder(0.011, 0.04, 1.42, 12));
-    o.add(Mat::LampShade, lathe(&[[0.2, 1.3], [0.17, 1.58]], 20));
+    o.add(Mat::LampShade, lathe(&[[0.0, 1.3], [0.2, 1.3], [0.17, 1.58], [0.0, 1.58]], 20));
     o.add(Mat::Brass, rod(v(-0.185, 0.0, 1.42), v(0.185, 0.0, 1.42), 0.005, 6));
     o
 }

@@ -1,5 +1,6 @@
 //! Connected parts of objects: whether they close, what they lack, how thick they are.
 
+use super::solids::{closed, volume_m3};
 use crate::Scene;
 use glam::DVec3;
 use std::collections::HashMap;
@@ -98,6 +99,12 @@ fn part(scene: &Scene, corners: &[[usize; 3]], triangles: Vec<u32>) -> Part {
 }
 
 impl Part {
+    /// Whether it closes around a volume and faces outward.
+    pub fn is_body(&self, scene: &Scene) -> bool {
+        let corners: Vec<[DVec3; 3]> = self.triangles.iter().map(|t| scene.corners_f64(*t as usize)).collect();
+        self.rim.is_empty() && closed(&corners) && volume_m3(&corners) > 0.0
+    }
+
     /// A point of the rim of a hole that nothing else closes, where the part is a body rather than a sheet.
     pub fn hole(&self, scene: &Scene) -> Option<DVec3> {
         if self.rim.is_empty() || self.balance >= BODY_BALANCE || self.area_m2 < SMALLEST_BODY_M2 {
