@@ -205,7 +205,7 @@ fn maps(setup: &LinkSetup, plane: &CoveragePlane, diffuse: &DiffuseSettings) -> 
     let total = setup.transmitters.len() * plane.rows;
     let mut progress = Progress::start("coverage", total, "rows");
     let mut maps = Vec::with_capacity(setup.transmitters.len());
-    setup.each_transmitter(diffuse, None, |number, transmitter, field| {
+    setup.each_transmitter(diffuse, |number, transmitter, field| {
         maps.push(coverage(transmitter, field, setup.solids(), plane, |rows| {
             progress.set(number * plane.rows + rows, total);
             interrupt::check()

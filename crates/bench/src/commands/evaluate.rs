@@ -15,6 +15,7 @@ use crate::run::harness;
 use crate::run::open;
 use crate::split::{Protocol, Split};
 use crate::table;
+use crate::terminal::progress::Stage;
 use anyhow::{Context, Result};
 use clap::Args;
 use corf_scene::dataset::Dataset;
@@ -87,7 +88,8 @@ impl Evaluate {
         };
         let split = Split::of(&input.dataset, protocol)?;
         let predictions = PredictionFolder::open(folder, &input.dataset, &split)?;
-        let (frames, warnings) = harness::evaluate_folder(&predictions, &input, &split, |_, _| Ok(()))?;
+        let evaluate = || harness::evaluate_folder(&predictions, &input, &split, |_, _| Ok(()));
+        let (frames, warnings) = Stage::of("evaluation on the held-out keyframes", evaluate)?;
         warnings.iter().for_each(|warning| note!("{warning}"));
         let seed = predictions.statement().seed.unwrap_or(0);
         let record = harness::folder_record(&predictions.name(), &predictions, &input, protocol, seed, frames);
@@ -104,9 +106,11 @@ impl Evaluate {
         let _held = claim_shared(folder)?;
         let dataset = &run.input.dataset;
         let writer = self.write_predictions.as_deref().map(|dir| PredictionWriter::create(dir, dataset)).transpose()?;
+        let evaluation = Stage::start("evaluation on the held-out keyframes");
         let frames = harness::evaluate(run.predictor.as_mut(), &run.input, &run.split, |truth, prediction| {
             writer.as_ref().map_or(Ok(()), |writer| writer.write(truth.index, prediction))
         })?;
+        drop(evaluation);
         let info = &run.info;
         let predictions = writer.map(|writer| writer.finish(&stated_of(info, run.method.as_ref(), dataset))).transpose()?;
         let numbers =

@@ -326,14 +326,12 @@ impl LinkSetup {
     }
 
     /// Visits every transmitter, with its number and, where that is asked for, its diffuse field; those with one element in common share a tracer.
-    /// `receivers`, where all are known, are those that `visit` asks paths to.
     ///
     /// # Errors
     /// A transmitter that cannot be traced, and what `visit` says.
     pub fn each_transmitter(
         &self,
         sampling: &DiffuseSettings,
-        receivers: Option<&[DVec3]>,
         mut visit: impl FnMut(usize, &Transmitter<'_, '_>, Option<&DiffuseField<'_, '_>>) -> Result<()>,
     ) -> Result<()> {
         let bvh = Stage::of("search tree of the scene", || Bvh::build(&self.scene));
@@ -344,10 +342,7 @@ impl LinkSetup {
             if tracer.settings().tx_antenna != array.element {
                 tracer = traced_from(&array)?;
             }
-            let transmitter = Stage::of("mirrors that the transmitter sees", || match receivers {
-                Some(receivers) => tracer.transmitter_towards(position, receivers),
-                None => tracer.transmitter(position),
-            })?;
+            let transmitter = Stage::of("mirrors that the transmitter sees", || tracer.transmitter(position))?;
             let photons = || Stage::of("photons of the radio field", || DiffuseField::new(&tracer, position, sampling));
             let field = self.link.diffuse.then(photons).transpose()?;
             visit(number, &transmitter, field.as_ref())?;

@@ -21,8 +21,6 @@ const ON_SURFACE_M: f64 = 1e-6;
 const NEAR_SURFACE_M: f64 = 1e-4;
 /// Chains a task of [`Transmitter::paths`] tries.
 const CHAINS_PER_TASK: usize = 32;
-/// Of more receivers than these most chains end at one of them: all are looked for.
-const MOST_KNOWN_RECEIVERS: usize = 64;
 
 /// Traces one scene at one carrier.
 pub struct RadioTracer<'a> {
@@ -94,24 +92,11 @@ impl<'a> RadioTracer<'a> {
     /// # Errors
     /// A position that is not finite, or on a surface.
     pub fn transmitter(&self, tx: DVec3) -> Result<Transmitter<'_, 'a>> {
-        self.candidates(tx, None)
-    }
-
-    /// A transmitter for these receivers alone: of few of them it asks only what can end at one, and finds the same paths in a fraction of the
-    /// time that [`RadioTracer::transmitter`] takes.
-    ///
-    /// # Errors
-    /// A position that is not finite, or on a surface.
-    pub fn transmitter_towards(&self, tx: DVec3, receivers: &[DVec3]) -> Result<Transmitter<'_, 'a>> {
-        self.candidates(tx, Some(receivers).filter(|receivers| receivers.len() <= MOST_KNOWN_RECEIVERS))
-    }
-
-    fn candidates(&self, tx: DVec3, receivers: Option<&[DVec3]>) -> Result<Transmitter<'_, 'a>> {
         self.check_position("transmitter", tx)?;
-        let chains = chains::candidates(&self.geometry, tx, &self.settings, receivers);
+        let chains = chains::candidates(&self.geometry, tx, &self.settings);
         let filter = CandidateFilter::new(&self.geometry, &chains);
         let edge_chains = EdgeChains::from_point(&self.propagator(), &self.wedges, tx);
-        Ok(Transmitter { tracer: self, tx, chains, filter, edge_chains, receivers: receivers.map(<[DVec3]>::to_vec) })
+        Ok(Transmitter { tracer: self, tx, chains, filter, edge_chains })
     }
 
     /// Refuses an end of links with scattered power that is not finite or closer to a surface than its rays start from it.
@@ -156,12 +141,12 @@ impl<'a> RadioTracer<'a> {
         near_field::check(&format!("receiver at {rx}"), rx.distance(tx), self.settings.frequency_hz)
     }
 
-    /// All paths between two points: [`RadioTracer::transmitter_towards`] and [`Transmitter::paths`] in one.
+    /// All paths between two points: [`RadioTracer::transmitter`] and [`Transmitter::paths`] in one.
     ///
     /// # Errors
     /// Positions that are not finite, on a surface, or within λ/2π of one another.
     pub fn paths(&self, tx: DVec3, rx: DVec3) -> Result<Vec<Path>> {
-        self.transmitter_towards(tx, &[rx])?.paths(rx)
+        self.transmitter(tx)?.paths(rx)
     }
 }
 
@@ -172,8 +157,6 @@ pub struct Transmitter<'t, 'a> {
     chains: Vec<Chain>,
     filter: CandidateFilter,
     edge_chains: EdgeChains,
-    /// The receivers that the chains are complete for, where that is not for all.
-    receivers: Option<Vec<DVec3>>,
 }
 
 impl<'t, 'a> Transmitter<'t, 'a> {
@@ -190,13 +173,9 @@ impl<'t, 'a> Transmitter<'t, 'a> {
     /// All paths to a receiver (world frame, metres), sorted by length.
     ///
     /// # Errors
-    /// A receiver that is not finite, on a surface, or within λ/2π of the transmitter; one that a transmitter towards others does not know.
+    /// A receiver that is not finite, on a surface, or within λ/2π of the transmitter.
     pub fn paths(&self, rx: DVec3) -> Result<Vec<Path>> {
         self.tracer.check_receiver(self.tx, rx)?;
-        if self.receivers.as_ref().is_some_and(|known| !known.contains(&rx)) {
-            let help = "name it when the transmitter is made, or make one for all receivers";
-            return Err(Error::invalid(format!("receiver at {rx}"), "the transmitter was made for other receivers", help));
-        }
         let mut paths: Vec<Path> = Vec::new();
         let propagator = self.tracer.propagator();
         let direct = propagator.trace(self.tx, rx, &Chain::line_of_sight(self.tx));

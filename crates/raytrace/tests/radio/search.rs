@@ -122,34 +122,3 @@ fn beams_lose_no_chain_and_the_hierarchy_no_path() {
         }
     }
 }
-
-#[test]
-fn a_transmitter_towards_known_receivers_finds_the_same_paths_from_fewer_chains() {
-    for (seed, max_interactions) in [(0, 2), (1, 3), (2, 3), (3, 4)] {
-        let scene = random_room(seed, 6);
-        let bvh = Bvh::build(&scene);
-        let setup = RadioSettings { max_interactions, ..settings(Search::Lattice { rays: 3_000 }) };
-        let tracer = RadioTracer::new(&scene, &bvh, setup).unwrap();
-        let point = |i: u64| {
-            let mut rng = Rng::keyed(31, seed, i);
-            DVec3::new(0.3 + 5.0 * rng.uniform_f64(), 0.3 + 4.0 * rng.uniform_f64(), 0.3 + 2.0 * rng.uniform_f64())
-        };
-        let tx = point(0);
-        let receivers: Vec<DVec3> = (1..20).map(point).collect();
-        let all = tracer.transmitter(tx).unwrap();
-        let (few, one) =
-            (tracer.transmitter_towards(tx, &receivers).unwrap(), tracer.transmitter_towards(tx, &receivers[..1]).unwrap());
-        let counts = [one.candidate_count(), few.candidate_count(), all.candidate_count()];
-        assert!(2 * counts[0] < counts[2] && counts[0] < counts[1] && counts[1] < counts[2], "{counts:?}");
-        let mut longest = 0;
-        for rx in &receivers {
-            let paths = all.paths(*rx).unwrap();
-            assert_eq!(paths, few.paths(*rx).unwrap(), "{seed}: {rx}");
-            longest += paths.iter().filter(|path| path.types().len() == max_interactions).count();
-        }
-        assert!(longest > 20, "{seed}: {longest} paths of the greatest length");
-        assert_eq!(one.paths(receivers[0]).unwrap(), all.paths(receivers[0]).unwrap());
-        // It does not know of others, and does not pretend to.
-        assert!(one.paths(receivers[1]).unwrap_err().to_string().contains("made for other receivers"));
-    }
-}

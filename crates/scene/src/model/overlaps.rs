@@ -61,8 +61,8 @@ impl Flat {
 /// that stands on a floor is none, nor are bodies that touch), by objects. Indices of the scene must be in range.
 pub fn overlaps(scene: &Scene) -> Vec<Overlap> {
     let mut of_body = vec![false; scene.triangles.len()];
-    for part in parts(scene).into_iter().filter(|part| part.is_body(scene)) {
-        part.triangles.iter().for_each(|t| of_body[*t as usize] = true);
+    for part in parts(scene) {
+        part.of_bodies(scene).iter().for_each(|t| of_body[*t as usize] = true);
     }
     let flats: Vec<Flat> = (0..scene.triangles.len()).filter_map(|i| flat(scene, i, of_body[i])).collect();
     let mut cells: HashMap<(I64Vec3, i64), Vec<u32>> = HashMap::new();

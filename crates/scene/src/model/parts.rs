@@ -3,7 +3,7 @@
 use super::solids::{closed, volume_m3};
 use crate::Scene;
 use glam::DVec3;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// Corners that differ by less are one, metres.
 const WELD_M: f64 = 2e-6;
@@ -99,10 +99,18 @@ fn part(scene: &Scene, corners: &[[usize; 3]], triangles: Vec<u32>) -> Part {
 }
 
 impl Part {
-    /// Whether it closes around a volume and faces outward.
-    pub fn is_body(&self, scene: &Scene) -> bool {
-        let corners: Vec<[DVec3; 3]> = self.triangles.iter().map(|t| scene.corners_f64(*t as usize)).collect();
-        self.rim.is_empty() && closed(&corners) && volume_m3(&corners) > 0.0
+    /// Its triangles that close around a volume and face outward: all of them, or all of one material, where sheets of another hang on to them.
+    pub fn of_bodies(&self, scene: &Scene) -> Vec<u32> {
+        let is_body = |triangles: &[u32]| {
+            let corners: Vec<[DVec3; 3]> = triangles.iter().map(|t| scene.corners_f64(*t as usize)).collect();
+            closed(&corners) && volume_m3(&corners) > 0.0
+        };
+        if is_body(&self.triangles) {
+            return self.triangles.clone();
+        }
+        let mut by_material: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        self.triangles.iter().for_each(|&t| by_material.entry(scene.triangles[t as usize].material).or_default().push(t));
+        by_material.into_values().filter(|triangles| is_body(triangles)).flatten().collect()
     }
 
     /// A point of the rim of a hole that nothing else closes, where the part is a body rather than a sheet.

@@ -280,15 +280,17 @@ impl Paths {
         setup.check_distances(&receivers)?;
         let total = transmitters.len() * receivers.len();
         self.check_size(setup, receivers.len(), format)?;
-        let mut progress = (total > 1).then(|| Progress::start("paths", total, "links"));
+        let mut progress = None;
         let mut links = vec![Vec::new(); receivers.len()];
         let mut diffuse = vec![Vec::new(); receivers.len()];
-        setup.each_transmitter(sampling, Some(&receivers), |t, transmitter, field| {
+        setup.each_transmitter(sampling, |t, transmitter, field| {
             for (r, &rx) in receivers.iter().enumerate() {
                 interrupt::check()?;
                 links[r].push(Link { tx: transmitter.position(), rx, paths: transmitter.paths(rx)? });
                 diffuse[r].push(field.map_or_else(|| Ok(Vec::new()), |f| f.gather(rx, f.antenna(), &Extent::Sphere))?);
-                if let Some(progress) = &mut progress {
+                if total > 1 {
+                    // It begins behind the set-up, which says what it does itself.
+                    let progress = progress.get_or_insert_with(|| Progress::start("paths", total, "links"));
                     progress.set(t * receivers.len() + r + 1, total);
                 }
             }

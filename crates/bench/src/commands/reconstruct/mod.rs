@@ -12,9 +12,11 @@ use crate::methods;
 use crate::methods::interface::{Advance, Checkpoints, TrainingSet};
 use crate::metrics::input::Verify;
 use crate::note;
+use crate::record::Record;
 use crate::run::harness;
 use crate::run::{CONFIG, RunInfo, claim_output, initial_hash, write_config, write_finished};
 use crate::split::{Protocol, Split};
+use crate::table;
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
 use crate::viewer::{Port, Watching};
@@ -108,7 +110,7 @@ impl Reconstruct {
         };
         let info = live.run()?;
         let text = info.live.as_ref().map_or(String::new(), |live| format!("\n{}", live.summary()));
-        show(json, &info, &(summary(&info) + &text))?;
+        show(json, &info, &(summary(&info) + &text + &ending(&self.out, &info)))?;
         Ok(Verdict::Done)
     }
 
@@ -184,7 +186,7 @@ impl Reconstruct {
                 self.out.display()
             );
             note!("{} is finished already", self.out.display());
-            show(json, &info, &summary(&info))?;
+            show(json, &info, &(summary(&info) + &ending(&self.out, &info)))?;
             return Ok(Verdict::Done);
         }
         let checkpoint = self.out.join(CHECKPOINT);
@@ -227,7 +229,7 @@ impl Reconstruct {
         interrupt::kept(|| format!("{} is finished", self.out.display()));
         // What it was kept for is there.
         let _ = std::fs::remove_file(&checkpoint);
-        show(json, &info, &summary(&info))?;
+        show(json, &info, &(summary(&info) + &ending(&self.out, &info)))?;
         if let Some(watching) = watching {
             // What is shown at the end is what was written.
             watching.finish(|| Field::read(&self.out).inspect_err(|error| note!("{error}")).ok());
@@ -235,6 +237,9 @@ impl Reconstruct {
         Ok(Verdict::Done)
     }
 }
+
+/// What `corf evaluate` writes into a run's folder.
+const METRICS: &str = "metrics.json";
 
 /// The state of an unfinished run, in its folder.
 const CHECKPOINT: &str = "checkpoint";
@@ -310,6 +315,30 @@ fn summary(info: &RunInfo) -> String {
     text
 }
 
+/// Where the run is, what it is worth on the held-out keyframes where it was evaluated, and the commands to type next.
+fn ending(out: &Path, info: &RunInfo) -> String {
+    let folder = shell_word(&out.display().to_string());
+    let mut text = format!("\nrun:  {}", out.display());
+    let record = out.join(METRICS).is_file().then(|| Record::read(&out.join(METRICS)).ok()).flatten();
+    if let (Some(record), Ok(columns)) = (&record, table::columns(&["short".to_owned()])) {
+        text +=
+            &format!("\nheld-out keyframes:\n{}", table::plain(&table::rows(std::slice::from_ref(record)), &columns).trim_end());
+    }
+    let evaluate = format!("corf evaluate {folder}");
+    let view = format!("corf view {folder}");
+    let next = match record.is_none() && info.protocol != Protocol::All {
+        true => format!("{evaluate}    (quality on the held-out keyframes)\n      {view}    (look at it)"),
+        false => format!("{view}    (look at it)"),
+    };
+    text + &format!("\nnext: {next}")
+}
+
+/// A word as a shell takes it.
+fn shell_word(word: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "/._-+:@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
+}
+
 /// `KEY=VALUE` of `--set`: TOML, or a word without quotes, which is a string.
 fn assignment(line: &str) -> Result<toml::Table> {
     let refused = |error: toml::de::Error| {
@@ -328,6 +357,13 @@ fn assignment(line: &str) -> Result<toml::Table> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn folders_of_blanks_and_quotes_are_one_word_of_the_next_command() {
+        assert_eq!(shell_word("runs/a-1"), "runs/a-1");
+        assert_eq!(shell_word("my runs/it's"), "'my runs/it'\\''s'");
+        assert_eq!(shell_word(""), "''");
+    }
 
     #[test]
     fn words_need_no_quotes_and_numbers_stay_numbers() {

@@ -48,12 +48,6 @@ impl Beam {
         beam
     }
 
-    /// The beam that the last face of a chain sends on, as if all of that face were lit; `None` for an empty chain.
-    pub fn behind(geometry: &Geometry<'_>, chain: &Chain) -> Option<Self> {
-        let last = chain.faces().last()?;
-        Some(Self::new(chain.image, &geometry.faces[*last as usize].hull()))
-    }
-
     /// The part of this beam that a further mirror reflects: `image` is the image source behind that mirror.
     fn reflected(&self, face: &Face, image: DVec3, mirror: &[DVec3; 4]) -> Self {
         let mut next = Self::new(image, mirror);
@@ -67,19 +61,6 @@ impl Beam {
     /// Whether some of a parallelogram may lie in the beam: no plane has all of it outside.
     pub fn meets(&self, hull: &[DVec3; 4]) -> bool {
         self.planes.iter().all(|(normal, offset)| hull.iter().any(|p| normal.dot(*p) > *offset))
-    }
-
-    /// Whether a point lies in the beam.
-    pub fn holds(&self, point: DVec3) -> bool {
-        self.planes.iter().all(|(normal, offset)| normal.dot(point) > *offset)
-    }
-
-    /// Whether some of a box may lie in the beam: no plane has all of it outside.
-    pub fn may_hold(&self, min: DVec3, max: DVec3) -> bool {
-        self.planes.iter().all(|(normal, offset)| {
-            let farthest = DVec3::select(normal.cmpgt(DVec3::ZERO), max, min);
-            normal.dot(farthest) > *offset
-        })
     }
 }
 

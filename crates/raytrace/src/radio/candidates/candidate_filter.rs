@@ -13,7 +13,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// Rounding of a point on a face, metres, generously.
-pub(super) const MARGIN_M: f64 = 1e-6;
+const MARGIN_M: f64 = 1e-6;
 /// Chains of a group, at most.
 const GROUP: usize = 4096;
 /// Groups a task screens, at least.

@@ -2,7 +2,6 @@
 
 use crate::radio::candidates::beams::{self, Beam};
 use crate::radio::candidates::chain::{Chain, repeats};
-use crate::radio::candidates::targets::Targets;
 use crate::radio::candidates::walk::{ChainImages, Findings, Leg, Walk, distinct};
 use crate::radio::geometry::Geometry;
 use crate::radio::{RadioSettings, Search};
@@ -60,17 +59,8 @@ impl Density {
 
     /// The chains that light can run through from points spread over the last face of each, in lists: a lattice from the transmitter
     /// puts too few rays on small and narrow faces to see all that they mirror.
-    /// Of chains behind which no bounce reaches one of the `targets` nothing is asked.
-    fn continued(
-        &self,
-        walk: &Walk<'_, '_>,
-        tx: DVec3,
-        chains: &[Chain],
-        rays: usize,
-        targets: Option<&Targets>,
-    ) -> Vec<Vec<Chain>> {
+    fn continued(&self, walk: &Walk<'_, '_>, tx: DVec3, chains: &[Chain], rays: usize) -> Vec<Vec<Chain>> {
         let counts = self.counts(walk.geometry(), chains, rays);
-        let geometry = walk.geometry();
         chains
             .par_chunks(CHAINS_PER_TASK)
             .zip(counts.par_chunks(CHAINS_PER_TASK))
@@ -78,11 +68,8 @@ impl Density {
                 let (mut found, mut legs) = (Findings::default(), Vec::new());
                 for (chain, &count) in chunk.iter().zip(counts) {
                     let Some(&last) = chain.faces().last() else { continue };
-                    if targets.is_some_and(|targets| targets.last_faces(geometry, chain).is_empty()) {
-                        continue;
-                    }
-                    let points = geometry.faces[last as usize].spread(count);
-                    self.go_on(walk, &ChainImages::new(geometry, tx, chain), &points, &mut legs, &mut found);
+                    let points = walk.geometry().faces[last as usize].spread(count);
+                    self.go_on(walk, &ChainImages::new(walk.geometry(), tx, chain), &points, &mut legs, &mut found);
                 }
                 found.into_vec()
             })
@@ -116,11 +103,9 @@ impl Density {
     }
 }
 
-/// Every chain worth trying from a transmitter, the line of sight aside, without repeats. For `receivers` that are known in advance those are
-/// left out, where that saves work, that end at none of them.
-pub fn candidates(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, receivers: Option<&[DVec3]>) -> Vec<Chain> {
-    all(geometry, tx, settings, usize::MAX)
-        .unwrap_or_else(|| by_rays(geometry, tx, settings, (settings.search.rays(), receivers)))
+/// Every chain worth trying from a transmitter, the line of sight aside, without repeats.
+pub fn candidates(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings) -> Vec<Chain> {
+    all(geometry, tx, settings, usize::MAX).unwrap_or_else(|| by_rays(geometry, tx, settings, settings.search.rays()))
 }
 
 /// Every chain that light can run through; `None` where the search is by a lattice of rays, or where there are more than `wanted` chains
@@ -144,15 +129,9 @@ fn mirrors(geometry: &Geometry<'_>, settings: &RadioSettings) -> Vec<u32> {
 }
 
 /// The chains that rays run through, and faces lit by way of large ones.
-fn by_rays(
-    geometry: &Geometry<'_>,
-    tx: DVec3,
-    settings: &RadioSettings,
-    (rays, receivers): (usize, Option<&[DVec3]>),
-) -> Vec<Chain> {
+fn by_rays(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: usize) -> Vec<Chain> {
     let allowed = &mirrors(geometry, settings);
-    let targets = receivers.map(|receivers| Targets::new(geometry, receivers, allowed));
-    let walk = Walk::new(geometry, settings);
+    let walk = Walk::new(geometry, settings).with_opaque_tree();
     let mut chains = exhaustive(geometry, tx, allowed, 1);
     chains.extend(walk.lattice(tx, rays, |found, chain, triangle| found.extend(walk.mirrored(chain, triangle))));
     distinct(&mut chains);
@@ -161,10 +140,8 @@ fn by_rays(
         let of_length = |c: &&Chain| c.faces().len() == length;
         let all: Vec<Chain> = chains.iter().filter(of_length).copied().collect();
         let narrowing: Vec<Chain> = all.iter().filter(|c| narrows(geometry, c)).copied().collect();
-        // What the longest chains may end at; all others go on.
-        let ends = targets.as_ref().filter(|_| length + 1 == settings.max_interactions);
-        let mut found = large.lit(&walk, tx, all, allowed, ends);
-        found.extend(density.continued(&walk, tx, &narrowing, rays, ends));
+        let mut found = large.lit(&walk, tx, all, allowed);
+        found.extend(density.continued(&walk, tx, &narrowing, rays));
         // Millions: room is made once.
         chains.reserve_exact(found.iter().map(Vec::len).sum());
         found.iter().for_each(|found| chains.extend_from_slice(found));
@@ -218,16 +195,8 @@ fn golden_step(count: usize) -> usize {
 }
 
 impl Large {
-    /// The chains of `before` with one more of the `allowed` faces, that is lit by way of them: a list for each. With `targets` faces are
-    /// left out that mirror to none of them.
-    fn lit(
-        &self,
-        walk: &Walk<'_, '_>,
-        tx: DVec3,
-        mut before: Vec<Chain>,
-        allowed: &[u32],
-        targets: Option<&Targets>,
-    ) -> Vec<Vec<Chain>> {
+    /// The chains of `before` with one more of the `allowed` faces, that is lit by way of them: a list for each.
+    fn lit(&self, walk: &Walk<'_, '_>, tx: DVec3, mut before: Vec<Chain>, allowed: &[u32]) -> Vec<Vec<Chain>> {
         struct Facet {
             face: u32,
             hull: [DVec3; 4],
@@ -245,27 +214,21 @@ impl Large {
         if before.is_empty() {
             return Vec::new();
         }
-        let is_large = |face: &&u32| area_m2(**face) >= SMALL_FACE_M2;
-        before.truncate(self.most_pairs / allowed.iter().filter(is_large).count().max(1));
-        let lit = |chain: &Chain, facets: &[Facet]| -> Vec<Chain> {
-            let beam = Beam::of_chain(geometry, tx, chain);
-            let in_beam = facets.iter().filter(|facet| beam.meets(&facet.hull) && !repeats(geometry, chain, facet.face));
-            let lit = in_beam.filter_map(|facet| {
-                let next = chain.pushed(facet.face, geometry);
-                let way = ChainImages::new(geometry, tx, &next);
-                facet.points.iter().any(|&point| walk.lights(&way, point)).then_some(next)
-            });
-            lit.collect()
-        };
-        let Some(targets) = targets else {
-            let facets: Vec<Facet> = allowed.par_iter().filter(is_large).map(facet).collect();
-            return before.par_iter().map(|chain| lit(chain, &facets)).collect();
-        };
-        let towards = |chain: &Chain| {
-            let facets: Vec<Facet> = targets.last_faces(geometry, chain).iter().filter(is_large).map(facet).collect();
-            lit(chain, &facets)
-        };
-        before.par_iter().map(towards).collect()
+        let facets: Vec<Facet> = allowed.par_iter().filter(|&&face| area_m2(face) >= SMALL_FACE_M2).map(facet).collect();
+        before.truncate(self.most_pairs / facets.len().max(1));
+        before
+            .par_iter()
+            .map(|chain| {
+                let beam = Beam::of_chain(geometry, tx, chain);
+                let in_beam = facets.iter().filter(|facet| beam.meets(&facet.hull) && !repeats(geometry, chain, facet.face));
+                let lit = in_beam.filter_map(|facet| {
+                    let next = chain.pushed(facet.face, geometry);
+                    let way = ChainImages::new(geometry, tx, &next);
+                    facet.points.iter().any(|&point| walk.lights(&way, point)).then_some(next)
+                });
+                lit.collect()
+            })
+            .collect()
     }
 }
 

@@ -4,5 +4,4 @@ pub(in crate::radio) mod beams;
 pub(in crate::radio) mod candidate_filter;
 pub(in crate::radio) mod chain;
 pub(in crate::radio) mod chains;
-pub(in crate::radio) mod targets;
 pub(in crate::radio) mod walk;

@@ -286,7 +286,7 @@ pub fn monitor(face: Mat) -> Object {
     let mut o = Object::new("");
     o.add(Mat::BlackPlastic, rounded_box(v(-0.27, 0.0, 0.86), v(0.27, 0.03, 1.18), 0.008, 2, 1));
     o.add(face, picture(v(0.26, 0.0305, 0.87), v(-0.52, 0.0, 0.0), v(0.0, 0.0, 0.3)));
-    o.add(Mat::DarkMetal, cuboid(v(-0.03, -0.012, 0.74), v(0.03, 0.0, 1.0)));
+    o.add(Mat::DarkMetal, cuboid(v(-0.03, -0.012, 0.75), v(0.03, 0.0, 1.0)));
     o.add(Mat::DarkMetal, block(0.0, 0.0, 0.74, [0.24, 0.18, 0.01]));
     o.add(Mat::Keyboard, printed_box(v(-0.22, -0.075, 0.0), v(0.22, 0.075, 0.018)).turned(180.0, 0.0, 0.22, 0.74));
     o
