@@ -3,7 +3,7 @@
 use corf_raytrace::bvh::{Bvh, Ray};
 use corf_scene::solids::Solids;
 use corf_scene::trajectory::{self, TrajectoryConfig};
-use corf_scene::{Error, Result, Scene};
+use corf_scene::{Error, Result, Rigid3, Scene};
 use glam::{DVec2, DVec3, IVec2, Vec3};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
@@ -29,9 +29,6 @@ const STOREY_BIN_M: f64 = 0.05;
 const FLOOR_SHARE: f64 = 0.25;
 /// The shortest loop worth going round, metres.
 const LEAST_LOOP_M: f64 = 2.0;
-/// Ceilings lower than this above the floor leave no room for a platform, metres.
-const LEAST_ROOM_M: f64 = 1.0;
-
 /// A scene with what is asked about its free space.
 pub struct FreeSpace<'a> {
     scene: &'a Scene,
@@ -59,6 +56,16 @@ pub struct Loop {
     pub clearance_m: f64,
     /// Its length, metres.
     pub length_m: f64,
+}
+
+impl Loop {
+    /// Area that its corners enclose, m².
+    fn area_m2(&self) -> f64 {
+        let corners = self.waypoints_m.iter().map(|p| DVec2::from_array(*p));
+        let doubled: f64 =
+            corners.clone().zip(corners.cycle().skip(1)).take(self.waypoints_m.len()).map(|(a, b)| a.perp_dot(b)).sum();
+        0.5 * doubled.abs()
+    }
 }
 
 impl<'a> FreeSpace<'a> {
@@ -102,8 +109,7 @@ impl<'a> FreeSpace<'a> {
         space.ceiling_m = ceilings.get(ceilings.len() / 2).copied();
         space.clear_m = free.into_iter().map(|(cell, clear, _)| (cell, clear)).collect();
         if space.clear_m.is_empty() {
-            let low = ceiling_over(&space, min, max).filter(|room_m| *room_m < height_m + HEAD_M);
-            let what = match low {
+            let what = match ceiling_over(&space, min, max) {
                 Some(room_m) => format!("{room_m:.2} m are between floor and ceiling, and the sensor stands {height_m} m high"),
                 None => format!("nowhere on the floor at {floor_m:.2} m is room for a platform {height_m} m high"),
             };
@@ -168,14 +174,14 @@ impl<'a> FreeSpace<'a> {
         })
     }
 
-    /// The largest loop found, at the widest clearance that leaves one half as long as any.
+    /// The loop at the widest clearance that leaves one around at least half as much floor as any.
     ///
     /// # Errors
     /// No loop: the free space is too small.
     pub fn find_loop(&self, speed: impl Fn(Vec<[f64; 2]>) -> TrajectoryConfig, place: &str) -> Result<Loop> {
         let found: Vec<Loop> = CLEARANCES_M.into_iter().filter_map(|clearance_m| self.loop_at(clearance_m, &speed)).collect();
-        let longest_m = found.iter().map(|way| way.length_m).fold(0.0, f64::max);
-        found.into_iter().find(|way| way.length_m >= LEAST_LOOP_M && way.length_m >= 0.5 * longest_m).ok_or_else(|| {
+        let largest_m2 = found.iter().map(Loop::area_m2).fold(0.0, f64::max);
+        found.into_iter().find(|way| way.length_m >= LEAST_LOOP_M && way.area_m2() >= 0.5 * largest_m2).ok_or_else(|| {
             let area_m2 = self.clear_m.len() as f64 * self.cell_m * self.cell_m;
             let what = format!("{area_m2:.1} m² of floor are free, and no loop of {LEAST_LOOP_M} m was found in them");
             Error::invalid(place, what, "give the sensor another height (--height), or write waypoints_m by hand")
@@ -286,6 +292,18 @@ impl<'a> FreeSpace<'a> {
         Some((best.2, best.0 as f64 / poses.len() as f64))
     }
 
+    /// Mean distance that a camera at a pose sees, metres, up to 20 in each direction.
+    pub fn sight_m(&self, world_from_camera: &Rigid3) -> f64 {
+        const FARTHEST_M: f64 = 20.0;
+        let rays = (-2..=2).flat_map(|x| [-0.3, 0.0, 0.3].map(|y| DVec3::new(0.4 * f64::from(x), y, 1.0)));
+        let seen: Vec<f64> = rays
+            .map(|ray| {
+                self.distance_m(world_from_camera.translation, (world_from_camera.rotation * ray).normalize()).min(FARTHEST_M)
+            })
+            .collect();
+        seen.iter().sum::<f64>() / seen.len() as f64
+    }
+
     /// The middles of the free cells, metres.
     pub fn free_cells(&self) -> impl Iterator<Item = DVec2> {
         self.clear_m.keys().map(|cell| self.middle(*cell))
@@ -298,7 +316,7 @@ impl<'a> FreeSpace<'a> {
 }
 
 /// To a centimetre, as people write positions.
-fn rounded(metres: f64) -> f64 {
+pub fn rounded(metres: f64) -> f64 {
     (metres * 100.0).round() / 100.0
 }
 
@@ -318,11 +336,14 @@ fn floor(scene: &Scene) -> Option<f64> {
     areas.values().find(|(area, _)| *area >= FLOOR_SHARE * largest && *area > 0.0).map(|(area, moment)| moment / area)
 }
 
-/// The height between floor and ceiling in the middle of a box, metres.
+/// The greatest height between floor and ceiling at some places of a box, metres, where that is too low for the sensor.
 fn ceiling_over(space: &FreeSpace<'_>, min: DVec3, max: DVec3) -> Option<f64> {
-    let at = (0.5 * (min + max)).with_z(space.floor_m + 1e-3);
-    let room_m = space.distance_m(at, DVec3::Z);
-    (room_m.is_finite() && room_m < LEAST_ROOM_M.max(space.height_m + HEAD_M)).then_some(room_m)
+    const PLACES: i32 = 9;
+    let at = |i: i32, low: f64, high: f64| low + (high - low) * (f64::from(i) + 0.5) / f64::from(PLACES);
+    let places = (0..PLACES * PLACES)
+        .map(|i| DVec3::new(at(i % PLACES, min.x, max.x), at(i / PLACES, min.y, max.y), space.floor_m + 1e-3));
+    let heights = places.map(|at| space.distance_m(at, DVec3::Z)).filter(|room_m| room_m.is_finite());
+    heights.max_by(f64::total_cmp).filter(|room_m| *room_m < space.height_m + HEAD_M)
 }
 
 /// The outer rim of a connected piece of cells, once round (Moore's neighbours).

@@ -9,7 +9,7 @@ use corf_raytrace::bvh::Bvh;
 use corf_scene::config::UpAxis;
 use corf_scene::trajectory::TrajectoryConfig;
 use corf_scene::{Error, Result, Scene};
-use free_space::FreeSpace;
+use free_space::{FreeSpace, rounded};
 use glam::DVec3;
 use std::path::Path;
 
@@ -75,7 +75,7 @@ pub fn make(scene: &Scene, source: &Source<'_>) -> Result<Stub> {
     let space = Stage::of("free space", || FreeSpace::of(scene, &bvh, height_m, &place))?;
     let config = |waypoints_m: Vec<[f64; 2]>| TrajectoryConfig {
         waypoints_m,
-        height_m: (space.sensor_m() * 1000.0).round() / 1000.0,
+        height_m: rounded(space.sensor_m()),
         height_amplitude_m: 0.0,
         pitch_amplitude_deg: 5.0,
         yaw_amplitude_deg: 10.0,

@@ -1,11 +1,11 @@
-//! The preview of a new scene file: its plan with walls, free floor, loop and transmitter, and a view from the loop's first pose.
+//! The preview of a new scene file: its plan with walls, free floor, loop and transmitter, and a view from the pose that sees farthest.
 
 use super::free_space::FreeSpace;
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::{LightFrame, LightSettings, LightTracer, develop_frame};
 use corf_raytrace::radio::coverage::CoveragePlane;
 use corf_scene::draw::{Anchor, Canvas, Format, Rgb, clip, hex, text, tick_step};
-use corf_scene::trajectory::{self, TrajectoryConfig};
+use corf_scene::trajectory::{self, TrajectoryConfig, TrajectoryPose};
 use corf_scene::{Pinhole, Raster, Result, Rigid3, color};
 use glam::{DVec2, DVec3, Vec3};
 
@@ -14,7 +14,7 @@ const PLAN_PIXELS: f64 = 640.0;
 /// Margins around it: left, top, right, bottom, pixels.
 const MARGIN: [f32; 4] = [64.0, 56.0, 28.0, 64.0];
 /// The view.
-const VIEW: [usize; 2] = [560, 420];
+const VIEW: [usize; 2] = [480, 360];
 /// Paths a pixel of it.
 const SAMPLES: u32 = 24;
 /// Middle grey of its exposure.
@@ -25,6 +25,7 @@ const INK: Rgb = hex(0x1a1a1a);
 const PAPER: Rgb = hex(0xffffff);
 const FREE: Rgb = hex(0xdff0df);
 const WAY: Rgb = hex(0x1f6fb4);
+const SIGHT: Rgb = hex(0xd98a00);
 const TRANSMITTER: Rgb = hex(0xe8303a);
 
 /// The picture's bytes, PNG.
@@ -34,7 +35,9 @@ const TRANSMITTER: Rgb = hex(0xe8303a);
 pub fn draw(space: &FreeSpace<'_>, bvh: &Bvh, way: &TrajectoryConfig, tx: DVec3) -> Result<Vec<u8>> {
     let scene = space.scene();
     let poses = trajectory::generate(way, 240)?;
-    let view = view(space, bvh, &poses[0].world_from_camera);
+    let sight_m = |pose: &&TrajectoryPose| space.sight_m(&pose.world_from_camera);
+    let seen_from = poses.iter().step_by(8).max_by(|a, b| sight_m(a).total_cmp(&sight_m(b))).unwrap_or(&poses[0]);
+    let view = view(space, bvh, &seen_from.world_from_camera);
     // What is drawn: the free floor and the walls about it.
     let (mut min, mut max) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     space.free_cells().for_each(|p| (min, max) = (min.min(p), max.max(p)));
@@ -82,6 +85,13 @@ pub fn draw(space: &FreeSpace<'_>, bvh: &Bvh, way: &TrajectoryConfig, tx: DVec3)
     let (along, across) = ([ahead.x as f32, -ahead.y as f32], [ahead.y as f32, ahead.x as f32]);
     let head = |a: f32, b: f32| [x + along[0] * a + across[0] * b, y + along[1] * a + across[1] * b];
     canvas.polygon(&[head(14.0, 0.0), head(-4.0, 7.0), head(-4.0, -7.0)], WAY);
+    let at = &seen_from.world_from_camera;
+    let [x, y] = pixel(at.translation.truncate());
+    for side in [-1.0, 1.0] {
+        let edge = (at.rotation * DVec3::new(side, 0.0, 1.0)).truncate().normalize_or_zero();
+        canvas.line([x, y], [x + 34.0 * edge.x as f32, y - 34.0 * edge.y as f32], 1.6, SIGHT);
+    }
+    canvas.disc(x, y, 5.5, SIGHT);
     let [x, y] = pixel(tx.truncate());
     canvas.disc(x, y, 9.0, INK);
     canvas.disc(x, y, 7.0, TRANSMITTER);
@@ -91,13 +101,19 @@ pub fn draw(space: &FreeSpace<'_>, bvh: &Bvh, way: &TrajectoryConfig, tx: DVec3)
     text(&mut canvas, "TX", [if on_left { x - 13.0 } else { x + 13.0 }, y + 5.0], anchor, CAP, TRANSMITTER);
     axes(&mut canvas, [min, max], per_metre, [width, height]);
     text(&mut canvas, &format!("CUT AT z = {:.2} m", space.sensor_m()), [left, top - 22.0], Anchor::Left, CAP, INK);
-    paste(&mut canvas, &view, [view_left as usize, top as usize]);
-    text(&mut canvas, "VIEW FROM THE FIRST POSE", [view_left, top - 22.0], Anchor::Left, CAP, INK);
+    paste(&mut canvas, [columns.floor(), rows.floor()], &view, [view_left as usize, top as usize]);
+    text(&mut canvas, "VIEW FROM THE LOOP", [view_left, top - 22.0], Anchor::Left, CAP, INK);
     let legend = top + VIEW[1] as f32 + 28.0;
-    for (i, (colour, words)) in
-        [(FREE, "FREE FLOOR"), (WAY, "LOOP (DOTS: WAYPOINTS)"), (TRANSMITTER, "TRANSMITTER (A GUESS)")].iter().enumerate()
+    for (i, (colour, words)) in [
+        (FREE, "FREE FLOOR"),
+        (WAY, "LOOP, DOTS ARE WAYPOINTS"),
+        (TRANSMITTER, "TRANSMITTER, A GUESS"),
+        (SIGHT, "WHERE THE VIEW IS FROM"),
+    ]
+    .iter()
+    .enumerate()
     {
-        let x = view_left + [0.0, 140.0, 340.0][i];
+        let (x, legend) = (view_left + [0.0, 210.0][i % 2], legend + 22.0 * (i / 2) as f32);
         canvas.rect(x, legend - CAP, x + 14.0, legend, *colour);
         text(&mut canvas, words, [x + 20.0, legend], Anchor::Left, 0.85 * CAP, INK);
     }
@@ -108,7 +124,7 @@ pub fn draw(space: &FreeSpace<'_>, bvh: &Bvh, way: &TrajectoryConfig, tx: DVec3)
 fn view(space: &FreeSpace<'_>, bvh: &Bvh, world_from_camera: &Rigid3) -> Raster<[u8; 3]> {
     let camera = Pinhole::from_horizontal_fov(VIEW[0], VIEW[1], 90.0);
     let tracer = LightTracer::new(space.scene(), bvh);
-    let settings = LightSettings { samples_per_pixel: SAMPLES, ..LightSettings::default() };
+    let settings = LightSettings { samples_per_pixel: SAMPLES, max_bounces: 4, ..LightSettings::default() };
     let frame = tracer.render(&camera, world_from_camera, &settings, 0);
     let luminance = |p: &[f32; 3]| f64::from(0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2]);
     let lit: Vec<f64> = frame.radiance.pixels().iter().map(luminance).filter(|l| *l > 0.0).map(f64::ln).collect();
@@ -128,13 +144,12 @@ fn by_headlamp(frame: &LightFrame, world_from_camera: &Rigid3) -> Raster<[u8; 3]
     })
 }
 
-fn paste(canvas: &mut Canvas, picture: &Raster<[u8; 3]>, [left, top]: [usize; 2]) {
-    for y in 0..picture.height() {
-        for x in 0..picture.width() {
-            let (at_x, at_y) = ((left + x) as f32, (top + y) as f32);
-            canvas.rect(at_x, at_y, at_x + 1.0, at_y + 1.0, picture[(x, y)].map(|v| f32::from(v) / 255.0));
-        }
-    }
+fn paste(canvas: &mut Canvas, size: [f32; 2], picture: &Raster<[u8; 3]>, [left, top]: [usize; 2]) {
+    canvas.recolour(|u, v, colour| {
+        let (x, y) = ((u * size[0]) as usize, (v * size[1]) as usize);
+        let inside = x >= left && y >= top && x < left + picture.width() && y < top + picture.height();
+        if inside { picture[(x - left, y - top)].map(|v| f32::from(v) / 255.0) } else { colour }
+    });
 }
 
 /// Frame and ticks in world metres.
