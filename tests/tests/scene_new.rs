@@ -72,7 +72,7 @@ fn assert_loop_is_free(file: &Path, least_area_m2: f64) {
             assert!(!bvh.occluded(&Ray::segment(a, b)), "something stands between {a} and {b}");
             for k in 0..36 {
                 let side = DVec2::from_angle(k as f64 * std::f64::consts::TAU / 36.0).extend(0.0).as_vec3();
-                assert!(!bvh.occluded(&Ray::segment(a, a + 0.2 * side)), "{a} is nearer than 20 cm to something");
+                assert!(!bvh.occluded(&Ray::segment(a, a + 0.15 * side)), "{a} is nearer than 15 cm to something");
             }
         }
         assert!(bvh.intersect(&Ray::new(here.as_vec3(), Vec3::NEG_Z)).is_some(), "no floor under {here}");

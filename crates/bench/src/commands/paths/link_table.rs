@@ -33,6 +33,9 @@ impl Form {
     }
 }
 
+/// The statistics that are looked for first.
+const FIRST: [&str; 5] = ["path_gain_db", "rssi_dbm", "path_gain_coherent_db", "line_of_sight", "k_factor_db"];
+
 /// A column: its name and a value for each link, `None` where there is none.
 struct Column {
     name: String,
@@ -77,9 +80,9 @@ fn columns(setup: &LinkSetup, traced: &Traced<'_>) -> anyhow::Result<Vec<Column>
         let (power_dbm, seed) = (setup.link.tx_power_dbm, setup.link.seed);
         let statistics = LinkStatistics::of(&link.paths, diffuse, elements, set.frequency_hz, power_dbm, seed);
         let Value::Object(statistics) = serde_json::to_value(statistics)? else { unreachable!("a record is an object") };
-        for (name, value) in &statistics {
-            add(name, value.as_bool().map(f64::from).or(value.as_f64()));
-        }
+        let of = |name: &str| statistics.get(name).and_then(|value| value.as_bool().map(f64::from).or(value.as_f64()));
+        FIRST.iter().for_each(|name| add(name, of(name)));
+        statistics.keys().filter(|name| !FIRST.contains(&name.as_str())).for_each(|name| add(name, of(name)));
     }
     Ok(columns)
 }

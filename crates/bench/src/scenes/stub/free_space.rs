@@ -20,7 +20,13 @@ const LEVELS: usize = 8;
 /// Room above the sensor, metres.
 const HEAD_M: f64 = 0.15;
 /// Clearances of the loop from everything, metres, the widest that leaves a loop.
-const CLEARANCES_M: [f64; 5] = [0.8, 0.6, 0.45, 0.35, 0.25];
+const CLEARANCES_M: [f64; 5] = [0.8, 0.6, 0.45, 0.35, 0.28];
+/// What is nearer to something than this, metres, is not free; the smooth way may come nearer than its corners do, but not so near.
+const LEAST_CLEAR_M: f64 = 0.2;
+/// The smooth way keeps this share of its corners' clearance.
+const KEPT: f64 = 0.75;
+/// Corners of a loop that people can read and change.
+const CORNERS: std::ops::RangeInclusive<usize> = 3..=40;
 /// Poses for a metre of a loop that is tried.
 const POSES_PER_M: f64 = 6.0;
 /// Horizontal surfaces whose heights differ by less are one floor, metres.
@@ -156,8 +162,7 @@ impl<'a> FreeSpace<'a> {
                 clear_m = clear_m.min(self.distance_m(at.extend(z), DVec3::new(cos, sin, 0.0)));
             }
         }
-        let least_m = CLEARANCES_M[CLEARANCES_M.len() - 1];
-        (clear_m >= least_m).then(|| (clear_m, above_m.is_finite().then(|| self.height_m + above_m)))
+        (clear_m >= LEAST_CLEAR_M).then(|| (clear_m, above_m.is_finite().then(|| self.height_m + above_m)))
     }
 
     /// Whether the body around a point is the room itself, closed and facing outward.
@@ -196,13 +201,13 @@ impl<'a> FreeSpace<'a> {
         // From few corners to many, until the smooth way through them is clear.
         for longest in [n / 3, n / 5, n / 8, n / 12, n / 20, n / 32, 3, 2].into_iter().filter(|longest| *longest >= 2) {
             let corners = self.shortened(&rim, &piece, longest);
-            if corners.len() < 3 {
+            if !CORNERS.contains(&corners.len()) {
                 continue;
             }
             let waypoints_m: Vec<[f64; 2]> = corners.iter().map(|cell| self.middle(*cell).to_array().map(rounded)).collect();
             let way = config(waypoints_m.clone());
-            if let Some((length_m, clearance_m)) = self.check(&way) {
-                return Some(Loop { waypoints_m, clearance_m, length_m });
+            if let Some((length_m, kept_m)) = self.check(&way).filter(|(_, kept_m)| *kept_m >= KEPT * clearance_m) {
+                return Some(Loop { waypoints_m, clearance_m: kept_m, length_m });
             }
         }
         None

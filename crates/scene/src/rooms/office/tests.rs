@@ -2,7 +2,7 @@ use super::*;
 use crate::builder::checks::{self, committed};
 use crate::builder::materials::Mat;
 use crate::config::SceneConfig;
-use crate::{Scene, Severity, import, radio_check, trajectory};
+use crate::{Scene, import, trajectory};
 use glam::DVec3;
 
 fn loaded() -> Scene {
