@@ -84,15 +84,20 @@ fn assert_loop_is_free(file: &Path, least_area_m2: f64) {
     assert!(poses.iter().all(|p| p.world_from_camera.translation.distance(tx) > 0.4), "{tx}");
 }
 
-#[test]
-fn a_mesh_becomes_a_scene_a_data_set_and_a_run_by_the_commands_that_are_said() {
-    let folder = tempfile::tempdir().unwrap();
-    let inside = |name: &str| folder.path().join(name);
+/// A stub of the plain room in a folder: the mesh's and the scene file's paths, and what was said.
+fn stub_of_room(folder: &Path) -> (PathBuf, PathBuf, String) {
     for name in ["room.obj", "room.mtl"] {
-        fs::copy(root().join("scenes").join(name), inside(name)).unwrap();
+        fs::copy(root().join("scenes").join(name), folder.join(name)).unwrap();
     }
-    let said = corf_ok(&["scene", "new", text(&inside("room.obj"))]);
-    let scene = inside("room.toml");
+    let (mesh, scene) = (folder.join("room.obj"), folder.join("room.toml"));
+    let said = corf_ok(&["scene", "new", text(&mesh)]);
+    (mesh, scene, said)
+}
+
+#[test]
+fn a_mesh_becomes_a_scene_with_a_free_loop_and_a_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mesh, scene, said) = stub_of_room(folder.path());
     assert!(said.contains(&format!("next: corf scene validate {}", scene.display())), "{said}");
     corf_ok(&["scene", "validate", "--strict", text(&scene)]);
     assert_loop_is_free(&scene, 3.0);
@@ -101,15 +106,22 @@ fn a_mesh_becomes_a_scene_a_data_set_and_a_run_by_the_commands_that_are_said() {
         assert!(written.contains(&format!("[radio_materials.\"{material}\"]")), "{material}:\n{written}");
     }
     assert!(written.contains("file = \"room.obj\"") && written.matches("TO BE FILLED IN").count() == 1, "{written}");
-    let preview = corf_scene::io::decode_rgba(&fs::read(inside("room-preview.png")).unwrap(), "preview").unwrap();
+    let picture = fs::read(folder.path().join("room-preview.png")).unwrap();
+    let preview = corf_scene::io::decode_rgba(&picture, "preview").unwrap();
     let colours: std::collections::BTreeSet<[u8; 4]> = preview.pixels().iter().copied().collect();
     assert!(preview.width() > 1000 && colours.len() > 1000, "a picture of {} colours", colours.len());
     // What is there stays.
-    corf_refuses(&["scene", "new", text(&inside("room.obj"))], &["room.toml", "there already"]);
+    corf_refuses(&["scene", "new", text(&mesh)], &["room.toml", "there already"]);
     assert_eq!(fs::read_to_string(&scene).unwrap(), written);
-    let (data, run) = (inside("data"), inside("my run"));
-    let arguments = ["dataset", "generate", text(&inside("room-tiny.toml")), "--keyframes", "16", "--out", text(&data)];
-    corf_ok(&[&arguments[..], &["--device", "cpu"]].concat());
+}
+
+#[cfg(feature = "slow")]
+#[test]
+fn a_stub_becomes_a_data_set_and_a_run_by_the_commands_that_are_said() {
+    let folder = tempfile::tempdir().unwrap();
+    stub_of_room(folder.path());
+    let [tiny, data, run] = ["room-tiny.toml", "data", "my run"].map(|name| folder.path().join(name));
+    corf_ok(&["dataset", "generate", text(&tiny), "--keyframes", "16", "--out", text(&data), "--device", "cpu"]);
     // Keys and values that were meant otherwise.
     let wrong = |set: &str, meant: &str| {
         let arguments = ["reconstruct", text(&data), "--out", text(&run), "--device", "cpu", "--set", set];

@@ -4,7 +4,7 @@ use clap::Parser;
 use clap::error::{ContextKind, ContextValue};
 use corf_bench::commands::{Arguments, Verdict};
 use corf_bench::note;
-use corf_bench::terminal::interrupt;
+use corf_bench::terminal::{help_with_name, interrupt, nearest};
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
@@ -51,7 +51,7 @@ fn with_suggestion(mut answer: clap::Error) -> clap::Error {
     let (given, known) = (answer.get(ContextKind::InvalidValue), answer.get(ContextKind::ValidValue));
     let near = match (given, known) {
         (Some(ContextValue::String(given)), Some(ContextValue::Strings(known))) if !kinds.into_iter().any(has) => {
-            corf_scene::config::nearest(given, known.iter().map(String::as_str)).map(str::to_owned)
+            nearest(given, known.iter().map(String::as_str)).map(str::to_owned)
         }
         _ => None,
     };
@@ -91,7 +91,7 @@ fn message(error: &anyhow::Error) -> String {
             text = format!("{text}: {cause}");
         }
     }
-    let help = help_with_room(error).map(str::to_owned).or_else(|| corf_scene::config::help_with_name(&text));
+    let help = help_with_room(error).map(str::to_owned).or_else(|| help_with_name(&text));
     if let Some(help) = help.filter(|_| !text.contains("\n  help: ")) {
         text = format!("{}\n  help: {help}", text.trim_end());
     }

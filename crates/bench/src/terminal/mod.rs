@@ -3,3 +3,5 @@
 pub mod interrupt;
 pub mod messages;
 pub mod progress;
+
+pub use corf_scene::config::{help_with_name, nearest};
