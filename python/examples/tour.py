@@ -69,6 +69,18 @@ def main(folder: Path) -> None:
     arrival = np.array([np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)])
     assert np.allclose(arrival, towards / np.linalg.norm(towards))
 
+    # Many receivers are one call, in which the scene is made ready once; a table of the same links has the same numbers.
+    places = np.array([k.world_from_camera[:3, 3] for k in dataset])
+    many = corf.links(ROOT / "scenes/room.toml", None, places, depth=2)
+    np.save(folder / "places.npy", places)
+    corf.run("paths", ROOT / "scenes/room.toml", "--rx-file", folder / "places.npy", "--depth", 2, "--out", folder / "links.npz")
+    table = np.load(folder / "links.npz")
+    print(f"{len(many)} links, {min(link.rssi_dbm for link in many):.1f} to {max(link.rssi_dbm for link in many):.1f} dBm for 30 dBm sent")
+    assert np.allclose(table["path_gain_db"], [link.path_gain_db for link in many], rtol=0, atol=1e-12)
+    assert np.array_equal(table["rssi_dbm"], [link.rssi_dbm for link in many]) and np.allclose(table["rssi_dbm"], table["path_gain_db"] + 30)
+    assert np.array_equal(np.stack([table[f"rx_{axis}_m"] for axis in "xyz"], axis=1), places)
+    assert np.isclose(many[1].path_gain_db, paths.path_gain_db) and np.isclose(paths.path_gain_db, 10 * np.log10(np.sum(np.abs(paths.a) ** 2)))
+
     # 5. A keyframe whose spectrum can see the transmitter has its peak there.
     peaks = []
     for k in dataset:

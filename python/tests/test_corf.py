@@ -410,6 +410,38 @@ class Program(Folder):
         for bad in (lambda: corf.paths("s", None, ("a", 1, 2)), lambda: corf.paths("s", None, (1, 2)), lambda: corf.paths("s", None, (1, 2, 3), format="npz")):
             self.assertRaises(corf.CorfError, bad)
 
+    def test_the_gain_of_a_link_is_what_the_program_says_of_it(self) -> None:
+        link = {"frequency_hz": 6e10, "tx": [0, 0, 1], "rx": [1, 0, 1], "paths": []}
+        for channel, expected in (({"path_gain_db": -70.5, "rssi_dbm": -40.5}, (-70.5, -40.5)), ({"path_gain_db": None, "rssi_dbm": None}, (None, None))):
+            self.stand_in(f"print(json.dumps({dict(link, channel=channel)!r}))")
+            found = corf.paths("s", None, (1, 0, 1))
+            self.assertEqual((found.path_gain_db, found.rssi_dbm), expected)
+        self.stand_in(f"print(json.dumps({link!r}))")
+        with self.assertRaisesRegex(corf.CorfError, "has no channel"):
+            corf.paths("s", None, (1, 0, 1)).rssi_dbm
+
+    def test_many_receivers_are_one_run_of_the_program(self) -> None:
+        self.stand_in(
+            """
+            import numpy
+            [file] = [word.split("=", 1)[1] for word in words if word.startswith("--rx-file=")]
+            assert not any(word.startswith("--rx=") for word in words)
+            link = {"frequency_hz": 6e10, "tx": [0, 0, 1], "paths": []}
+            print(json.dumps({"links": [dict(link, rx=rx) for rx in numpy.load(file).tolist()]}))
+            """
+        )
+        points = np.random.default_rng(3).uniform(-5, 5, (5000, 3))
+        for given in (points, points.tolist(), [tuple(point) for point in points]):
+            found = corf.links("s", None, given)
+            np.testing.assert_array_equal([link.rx_m for link in found], points)
+        self.assertRaisesRegex(corf.CorfError, "no point", corf.links, "s", None, [(1, 2, 3), (1, 2, float("nan"))])
+        # A file of the caller's own stays, and points beside it are words.
+        self.stand_in("print(json.dumps({'links': [], 'words': words}))")
+        with mock.patch("corf._paths.parsed", wraps=corf._paths.parsed) as said:
+            corf.links("s", [(0, 0, 1)], [(1, 2, 3), (4, 5, 6)], rx_file="mine.csv")
+        expected = ["--tx=0.0,0.0,1.0", "--rx=1.0,2.0,3.0", "--rx=4.0,5.0,6.0", "--rx-file=mine.csv"]
+        self.assertEqual(json.loads(said.call_args.args[0])["words"][2:], expected)
+
     def test_renderings_come_back_by_pose(self) -> None:
         self.stand_in(
             """

@@ -2,6 +2,7 @@
 
 use crate::common::*;
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
@@ -65,6 +66,78 @@ fn several_receivers_come_from_points_and_files_and_leave_as_arrays() {
     corf_refuses(&[&receivers[..], &["--format", "npz"]].concat(), &["--out", "npz"]);
     fs::write(&file, "1,2,3\n4,5\n").unwrap();
     corf_refuses(&receivers, &["rx.csv:2", "three numbers"]);
+}
+
+/// The columns of float64 in an archive whose files are stored as they are.
+fn columns_of(archive: &[u8]) -> BTreeMap<String, Vec<f64>> {
+    let (mut columns, mut rest) = (BTreeMap::new(), archive);
+    while rest.starts_with(b"PK\x03\x04") {
+        let number = |at: usize, bytes: usize| rest[at..at + bytes].iter().rev().fold(0, |n, b| n * 256 + usize::from(*b));
+        let (size, name, extra) = (number(18, 4), number(26, 2), number(28, 2));
+        let from = 30 + name + extra;
+        let array = &rest[from..from + size];
+        let header = 10 + usize::from(array[8]) + 256 * usize::from(array[9]);
+        assert!(String::from_utf8_lossy(&array[..header]).contains("'<f8'"));
+        let values = array[header..].chunks_exact(8).map(|bytes| f64::from_le_bytes(bytes.try_into().unwrap())).collect();
+        columns.insert(std::str::from_utf8(&rest[30..30 + name]).unwrap().trim_end_matches(".npy").to_owned(), values);
+        rest = &rest[from + size..];
+    }
+    columns
+}
+
+/// A table has what the JSON says of the same links, whichever its form; its own columns, in any order and unit, are receivers again.
+#[test]
+fn a_table_of_links_is_written_by_its_ending_and_read_by_its_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = room_with_pillar(folder.path(), [1.0, 1.0, 2.0], "");
+    let file = folder.path().join("rx.csv");
+    // The last stands behind the pillar, without a line of sight.
+    fs::write(&file, "name,z_m,x_m,y_cm\na,1.5,5,400\nb,1,4,100\nc,1,3.5,330\n").unwrap();
+    let ask = ["paths", text(&scene), "--rx-file", text(&file), "--depth", "1", "--tx-power-dbm", "20"];
+    let json: Value = serde_json::from_str(&corf_ok(&ask)).unwrap();
+    let links = json["links"].as_array().unwrap();
+    assert_eq!(links[0]["rx"], serde_json::json!([5.0, 4.0, 1.5]));
+    let [csv, npz] = ["links.csv", "links.npz"].map(|name| folder.path().join(name));
+    for out in [&csv, &npz] {
+        corf_ok(&[&ask[..], &["--out", text(out)]].concat());
+    }
+    assert_eq!(corf_ok(&[&ask[..], &["--format", "table"]].concat()), fs::read_to_string(&csv).unwrap());
+    let table = fs::read_to_string(&csv).unwrap();
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let names = lines.next().unwrap();
+    let archive = columns_of(&fs::read(&npz).unwrap());
+    let rows: Vec<Vec<&str>> = lines.collect();
+    assert_eq!(rows.len(), 3);
+    let mut missing = 0;
+    for (column, name) in names.iter().enumerate() {
+        for (row, link) in rows.iter().zip(links) {
+            assert_eq!(row.len(), names.len());
+            let expected = match (name.strip_prefix("tx_"), name.strip_prefix("rx_"), *name) {
+                (Some(axis), ..) => link["tx"]["x_m y_m z_m".find(axis).unwrap() / 4].as_f64(),
+                (_, Some(axis), _) => link["rx"]["x_m y_m z_m".find(axis).unwrap() / 4].as_f64(),
+                (.., "paths") => Some(link["paths"].as_array().unwrap().len() as f64),
+                _ => link["channel"][name].as_bool().map(f64::from).or(link["channel"][name].as_f64()),
+            };
+            assert_eq!(row[column].parse().ok(), expected, "{name}");
+            missing += usize::from(expected.is_none());
+        }
+        let array = &archive[*name];
+        let same = |(a, b): (&f64, &Vec<&str>)| b[column].parse::<f64>().map_or(a.is_nan(), |b| *a == b);
+        assert!(array.iter().zip(&rows).all(same), "{name}");
+    }
+    assert!(missing > 0 && names.contains(&"path_gain_db") && names.contains(&"rssi_dbm"), "{names:?}");
+    // Round: its receivers are those of the table.
+    let again = ["paths", text(&scene), "--rx-file", text(&csv), "--depth", "1", "--tx-power-dbm", "20", "--format", "table"];
+    assert_eq!(corf_ok(&again), table);
+    // What a table has no place for, and endings that are none.
+    let out = |name: &str| folder.path().join(name).display().to_string();
+    corf_refuses(&[&ask[..], &["--format", "table", "--out", &out("links.txt")]].concat(), &["links.txt", ".csv"]);
+    corf_refuses(&[&ask[..], &["--format", "json", "--out", &out("other.csv")]].concat(), &["other.csv", "--format table"]);
+    corf_refuses(&[&ask[..], &["--velocity", "1,0,0", "--out", &out("v.csv")]].concat(), &["--velocity", "table"]);
+    corf_refuses(&[&ask[..], &["--bandwidth", "1e8", "--out", &out("b.csv")]].concat(), &["--bandwidth", "table"]);
+    fs::write(&file, "name,east,north\na,5,4\n").unwrap();
+    corf_refuses(&ask, &["rx.csv:1", "east", "x_m"]);
+    assert!(["links.txt", "other.csv", "v.csv", "b.csv"].iter().all(|name| !folder.path().join(name).exists()));
 }
 
 #[test]

@@ -63,6 +63,7 @@ mod questions;
 mod report;
 #[cfg(feature = "slow")]
 mod scale;
+mod scene_new;
 #[cfg(feature = "slow")]
 mod settings;
 #[cfg(feature = "slow")]

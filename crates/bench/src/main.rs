@@ -1,9 +1,10 @@
 //! The `corf` command. Exit codes: 0 done, 1 a check failed, 2 the input was bad, 130 interrupted.
 
 use clap::Parser;
+use clap::error::{ContextKind, ContextValue};
 use corf_bench::commands::{Arguments, Verdict};
 use corf_bench::note;
-use corf_bench::terminal::interrupt;
+use corf_bench::terminal::{help_with_name, interrupt, nearest};
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
@@ -27,7 +28,7 @@ fn main() -> ExitCode {
     interrupt::outlive_file_size_limit();
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
-        Err(answer) => return report(&answer),
+        Err(answer) => return report(with_suggestion(answer)),
     };
     match run(arguments) {
         Ok(Verdict::Done) => ExitCode::SUCCESS,
@@ -43,8 +44,25 @@ fn main() -> ExitCode {
     }
 }
 
+/// An error about a choice with the choice that was meant, where clap itself finds none that is near enough.
+fn with_suggestion(mut answer: clap::Error) -> clap::Error {
+    let has = |kind| answer.get(kind).is_some();
+    let kinds = [ContextKind::SuggestedValue, ContextKind::SuggestedSubcommand, ContextKind::SuggestedArg];
+    let (given, known) = (answer.get(ContextKind::InvalidValue), answer.get(ContextKind::ValidValue));
+    let near = match (given, known) {
+        (Some(ContextValue::String(given)), Some(ContextValue::Strings(known))) if !kinds.into_iter().any(has) => {
+            nearest(given, known.iter().map(String::as_str)).map(str::to_owned)
+        }
+        _ => None,
+    };
+    if let Some(near) = near {
+        answer.insert(ContextKind::SuggestedValue, ContextValue::String(near));
+    }
+    answer
+}
+
 /// Prints help, version, or what is wrong with the arguments.
-fn report(answer: &clap::Error) -> ExitCode {
+fn report(answer: clap::Error) -> ExitCode {
     let code = u8::try_from(answer.exit_code()).unwrap_or(2);
     match answer.print().and_then(|()| std::io::stdout().flush()) {
         Err(error) if !answer.use_stderr() && error.kind() != ErrorKind::BrokenPipe => {
@@ -73,8 +91,9 @@ fn message(error: &anyhow::Error) -> String {
             text = format!("{text}: {cause}");
         }
     }
-    if let Some(help) = help_with_room(error).filter(|_| !text.contains("\n  help: ")) {
-        text = format!("{text}\n  help: {help}");
+    let help = help_with_room(error).map(str::to_owned).or_else(|| help_with_name(&text));
+    if let Some(help) = help.filter(|_| !text.contains("\n  help: ")) {
+        text = format!("{}\n  help: {help}", text.trim_end());
     }
     text
 }
@@ -114,6 +133,28 @@ mod tests {
         }
         let other = anyhow::Error::from(std::io::Error::from(ErrorKind::NotFound)).context("cannot read a.ply");
         assert!(!message(&other).contains("help"));
+    }
+
+    #[test]
+    fn a_misspelt_key_or_choice_is_answered_with_the_one_that_was_meant() {
+        let error =
+            anyhow::anyhow!("unknown field `stepss`, expected one of `rays`, `steps`\n").context("in the configuration of nerf2");
+        let text = message(&error);
+        assert!(text.ends_with("`steps`\n  help: did you mean `steps`?"), "{text}");
+        let said = |arguments: &[&str]| {
+            let Err(answer) = Arguments::try_parse_from(arguments) else { panic!("{arguments:?}") };
+            with_suggestion(answer).to_string()
+        };
+        for (arguments, meant) in [
+            (&["corf", "spectrum", "s.toml", "--kind", "mcp"][..], "'mpc'"),
+            (&["corf", "paths", "s.toml", "--format", "jsn"], "'json'"),
+            (&["corf", "reconstruct", "d", "--out", "o", "--method", "corfgs"], "'corf-gs'"),
+            (&["corf", "pths"], "'paths'"),
+            (&["corf", "paths", "s.toml", "--rxfile", "a"], "'--rx-file'"),
+        ] {
+            assert!(said(arguments).contains(meant), "{}", said(arguments));
+        }
+        assert!(!said(&["corf", "paths", "s.toml", "--format", "qqqqqq"]).contains("similar"));
     }
 
     #[test]

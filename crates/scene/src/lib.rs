@@ -48,6 +48,7 @@ pub use keyframe::{Keyframe, Light, Radio};
 pub use limits::{bounds, far, near_field};
 pub use materials::{itu, radio_check, radio_spec};
 pub use model::Scene;
+pub(crate) use model::parts;
 pub use model::{fingerprint, info, overlaps, solids};
 pub use raster::Raster;
 pub use rng::Rng;

@@ -1,10 +1,12 @@
-"""Propagation paths between two points (`corf paths`)."""
+"""Propagation paths between points (`corf paths`)."""
 
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Union
 
 import numpy as np
@@ -15,6 +17,7 @@ from ._program import Argument, CorfError, run
 from ._values import Value, real
 
 Point = Union[Sequence[float], npt.NDArray[np.float64]]
+Points = Union[Sequence[Point], npt.NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,22 @@ class Paths:
             gain: npt.NDArray[np.float64] = 20 * np.log10(np.abs(self.a))
         return gain
 
+    @property
+    def path_gain_db(self) -> float | None:
+        """Gain of the link, dB: the powers of all paths added, 10·log10 Σ|a|², over the ports of both elements, scattered power among it where it was
+        asked for (``diffuse=True``). None where nothing arrives. The number of the column of this name in the table of `corf paths --out LINKS.csv`."""
+        return self._statistic("path_gain_db")
+
+    @property
+    def rssi_dbm(self) -> float | None:
+        """Power that arrives for the transmit power stated, dBm: :attr:`path_gain_db` plus ``tx_power_dbm`` (30 dBm, which is 1 W, unless it was given).
+        None where nothing arrives."""
+        return self._statistic("rssi_dbm")
+
+    def _statistic(self, key: str) -> float | None:
+        value = Value(self.document, "corf paths").at("channel").get(key)
+        return None if value is None else value.number()
+
     def h(self, offset_hz: float | npt.NDArray[np.float64] = 0.0) -> npt.NDArray[np.complex128]:
         """Channel between the first ports at the carrier plus `offset_hz` (any shape), of the same shape."""
         frequencies = self.frequency_hz + np.asarray(offset_hz, dtype=np.float64)
@@ -81,27 +100,41 @@ def paths(scene: str | os.PathLike[str], tx: Point | None, rx: Point, **options:
     return found[0]
 
 
-def links(scene: str | os.PathLike[str], tx: Sequence[Point] | None, rx: Sequence[Point], **options: Any) -> list[Paths]:
-    """The paths of every pair: receivers in their order, and for each the transmitters in theirs. Otherwise as :func:`paths`."""
+def links(scene: str | os.PathLike[str], tx: Points | None, rx: Points, **options: Any) -> list[Paths]:
+    """The paths of every pair: receivers in their order, and for each the transmitters in theirs. `rx` and `tx` are sequences of points (x, y, z) or
+    arrays (N, 3), world, metres. Otherwise as :func:`paths`.
+
+    The scene is read and made ready once for all receivers: twenty cost little more than one, and one call is the way to ask for many.
+    """
     for name in ("format", "out", "json", "tx", "rx"):
         if name in options:
             raise CorfError(f"{name} is no option of corf.paths\n  help: run the command with corf.run(\"paths\", …) instead")
     arguments: list[Argument] = ["paths", scene]
-    for flag, points in (("--tx", tx or []), ("--rx", rx)):
-        for point in points:
-            arguments.append(f"{flag}={_point(point)}")
-    for name, value in options.items():
-        arguments.extend(_flag("--" + name.replace("_", "-"), value))
-    document = parsed(run(*arguments), "corf paths")
+    arguments.extend(f"--tx={_point(point)}" for point in ([] if tx is None else tx))
+    with tempfile.TemporaryDirectory() as scratch:
+        if len(rx) > 1 and "rx_file" not in options:
+            # A command line holds some thousands of points, a file any number.
+            file = Path(scratch) / "receivers.npy"
+            np.save(file, np.stack([_coordinates(point) for point in rx]))
+            arguments.append(f"--rx-file={file}")
+        else:
+            arguments.extend(f"--rx={_point(point)}" for point in rx)
+        for name, value in options.items():
+            arguments.extend(_flag("--" + name.replace("_", "-"), value))
+        document = parsed(run(*arguments), "corf paths")
     several = document.get("links")
     return [_link(link) for link in ([document] if several is None else several.items())]
 
 
-def _point(point: Point) -> str:
+def _coordinates(point: Point) -> npt.NDArray[np.float64]:
     values = real(point, f"{point!r} is no point: its coordinates are")
     if values.shape != (3,) or not np.isfinite(values).all():
         raise CorfError(f"{point!r} is no point\n  help: give x, y, z in metres")
-    return ",".join(repr(float(v)) for v in values)
+    return values
+
+
+def _point(point: Point) -> str:
+    return ",".join(repr(float(v)) for v in _coordinates(point))
 
 
 def _flag(flag: str, value: Any) -> list[str]:

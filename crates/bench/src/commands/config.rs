@@ -9,7 +9,7 @@ use crate::methods;
 use crate::radio_link::LinkConfig;
 use anyhow::Result;
 use clap::Args;
-use corf_scene::config::{DatasetConfig, SceneConfig};
+use corf_scene::config::{DatasetConfig, SceneConfig, nearest};
 use schemars::{JsonSchema, schema_for};
 use serde_json::Value;
 
@@ -37,8 +37,17 @@ impl Config {
             None => of_method(&self.explain)?,
         };
         if let Some(word) = &self.key {
+            let all: Vec<String> = list.iter().map(|key| key.key.clone()).collect();
             list.retain(|key| key.key.contains(word));
-            anyhow::ensure!(!list.is_empty(), "{} has no key with \"{word}\"\n  help: leave --key out to see all", self.explain);
+            let last = |key: &str| key.rsplit('.').next().unwrap_or_default().to_owned();
+            let words: Vec<String> = all.iter().map(|key| last(key)).chain(all.iter().cloned()).collect();
+            let meant = nearest(word, words.iter().map(String::as_str));
+            let meant = meant.map_or(String::new(), |near| format!("did you mean {near}? "));
+            anyhow::ensure!(
+                !list.is_empty(),
+                "{} has no key with \"{word}\"\n  help: {meant}leave --key out to see all",
+                self.explain
+            );
         }
         show(json, &list, &plain(&list))?;
         Ok(Verdict::Done)
@@ -69,8 +78,10 @@ fn of_type<T: JsonSchema>() -> Vec<Key> {
 /// # Errors
 /// A name that is no method's.
 fn of_method(id: &str) -> Result<Vec<Key>> {
-    let method = methods::create(id, &toml::Table::new(), &Backend::Cpu)
-        .map_err(|e| anyhow::anyhow!("{e:#}; of files {} can be explained as well", FILES.join(", ")))?;
+    let method = methods::create(id, &toml::Table::new(), &Backend::Cpu).map_err(|e| match nearest(id, FILES) {
+        Some(near) => anyhow::anyhow!("nothing is called {id}\n  help: did you mean {near}?"),
+        None => anyhow::anyhow!("{e:#}; of files {} can be explained as well", FILES.join(", ")),
+    })?;
     let values = method.config();
     let (family, _) = methods::find(id)?;
     let mut list = keys(&(family.schema)().to_value(), &values);

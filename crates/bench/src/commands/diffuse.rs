@@ -6,7 +6,7 @@ use crate::run::claim_shared;
 use crate::scenes::in_use;
 use crate::terminal::interrupt;
 use crate::terminal::messages;
-use crate::terminal::progress::Progress;
+use crate::terminal::progress::{Progress, Stage};
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -117,9 +117,10 @@ impl Diffuse {
         let _held = self.arrivals.as_deref().map(claim_shared).transpose()?;
         let replicas = self.replicas;
         let mut sums = vec![Vec::new(); self.rx.len()];
-        let mut progress = Progress::start("diffuse", self.rx.len() * replicas as usize, "receivers/s");
+        let mut progress = Progress::start("diffuse", self.rx.len() * replicas as usize, "receivers");
         for phase in 0..replicas {
-            let field = DiffuseField::new(&tracer, tx, &DiffuseSettings { phase, ..sampling })?;
+            let photons = || DiffuseField::new(&tracer, tx, &DiffuseSettings { phase, ..sampling });
+            let field = Stage::of("photons of the radio field", photons)?;
             for (i, rx) in self.rx.iter().enumerate() {
                 interrupt::check()?;
                 let contributions = field.contributions(rx.0)?;

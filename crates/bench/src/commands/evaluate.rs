@@ -19,6 +19,7 @@ use crate::run::picture::Picture;
 use crate::split::{Protocol, Split};
 use crate::table;
 use crate::terminal;
+use crate::terminal::progress::Stage;
 use anyhow::{Context, Result};
 use clap::Args;
 use corf_scene::dataset::Dataset;
@@ -113,9 +114,12 @@ impl Evaluate {
         if let Some(picture) = picture {
             picture.choose(&predictions.name(), &input.dataset, &split)?;
         }
-        let (frames, warnings) = evaluation::evaluate_folder(&predictions, &input, &split, |truth, halves| {
-            picture.as_mut().map_or(Ok(()), |picture| picture.look(truth, halves))
-        })?;
+        let evaluate = || {
+            evaluation::evaluate_folder(&predictions, &input, &split, |truth, halves| {
+                picture.as_mut().map_or(Ok(()), |picture| picture.look(truth, halves))
+            })
+        };
+        let (frames, warnings) = Stage::of("evaluation on the held-out keyframes", evaluate)?;
         warnings.iter().for_each(|warning| note!("{warning}"));
         let seed = predictions.statement().seed.unwrap_or(0);
         let record = harness::folder_record(&predictions.name(), &predictions, &input, protocol, seed, frames);
@@ -135,10 +139,12 @@ impl Evaluate {
         if let Some(picture) = picture {
             picture.choose(&run.info.method, dataset, &run.split)?;
         }
+        let stage = Stage::start("evaluation on the held-out keyframes");
         let frames = evaluation::evaluate(run.predictor.as_mut(), &run.input, &run.split, |truth, prediction| {
             picture.as_mut().map_or(Ok(()), |picture| picture.look(truth, prediction.halves()))?;
             writer.as_ref().map_or(Ok(()), |writer| writer.write(truth.index, prediction))
         })?;
+        drop(stage);
         let info = &run.info;
         let predictions = writer.map(|writer| writer.finish(&stated_of(info, run.method.as_ref(), dataset))).transpose()?;
         let numbers =

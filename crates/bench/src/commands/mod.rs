@@ -18,6 +18,7 @@ mod paths;
 mod reconstruct;
 mod render;
 mod scene;
+mod scene_new;
 mod spectrum;
 mod view;
 
@@ -66,7 +67,7 @@ pub struct Arguments {
 pub enum Command {
     /// The small lobby end to end: keyframes, all ablations, table and report (a couple of minutes on 2 cores).
     Demo(demo::Demo),
-    /// Build, describe, check or export a scene.
+    /// Begin, build, describe, check or export a scene.
     #[command(subcommand)]
     Scene(scene::Scene),
     /// Generate or check a keyframe dataset.

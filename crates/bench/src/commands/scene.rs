@@ -1,6 +1,7 @@
 //! `corf scene`: build the lobby and the office, describe, check and export scenes.
 
 use super::export_light::{self, LightViews};
+use super::scene_new::New;
 use super::{Verdict, show};
 use crate::note;
 use crate::run::{claim_fresh, claim_shared};
@@ -19,9 +20,11 @@ use std::path::{Path, PathBuf};
 /// Frequency a mesh file without a scene file is checked at, Hz.
 const DEFAULT_FREQUENCY_HZ: f64 = 60e9;
 
-/// Build, describe, check or export a scene.
+/// Begin, build, describe, check or export a scene.
 #[derive(Subcommand)]
 pub enum Scene {
+    /// Write a stub scene file for a mesh: materials by their names, a loop through the free space, a transmitter, a preview.
+    New(New),
     /// Build a scene in code.
     #[command(subcommand)]
     Build(Build),
@@ -192,6 +195,7 @@ impl Scene {
     /// A scene that cannot be read or written.
     pub fn run(self, json: bool) -> Result<Verdict> {
         match self {
+            Self::New(new) => new.run(json),
             Self::Build(build) => {
                 let out = build.write()?;
                 let bytes = std::fs::metadata(&out)?.len();

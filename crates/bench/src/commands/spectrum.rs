@@ -7,6 +7,7 @@ use crate::radio_link::{PathArgs, Point, ScatteringArgs, path_args_over};
 use crate::run::claim_fresh;
 use crate::scenes::in_use;
 use crate::terminal::messages;
+use crate::terminal::progress::Stage;
 use anyhow::{Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use corf_raytrace::bvh::Bvh;
@@ -215,10 +216,11 @@ impl Spectrum {
     ) -> Result<Formed> {
         let plan = SensorPlan::from_parts(radio, self.seed, transmitter, config);
         let tracer = RadioTracer::new(scene, bvh, plan.tracing)?;
-        let sensor = RadioSensor::new(&plan, scene, &tracer)?;
+        let sensor = Stage::of("mirrors and photons of the radio field", || RadioSensor::new(&plan, scene, &tracer))?;
         messages::findings(sensor.check([pose])?);
         let kinds: Vec<SpectrumKind> = self.kind.iter().map(|kind| SpectrumKind::from(*kind)).collect();
-        let received = sensor.receive(pose, Extent::needed(&kinds, grid, config.receiver.rear))?;
+        let extent = Extent::needed(&kinds, grid, config.receiver.rear);
+        let received = Stage::of("what arrives at the receiver", || sensor.receive(pose, extent))?;
         let all = received.port_pairs.concat();
         let power: f64 = all.iter().map(|a| a.power).sum();
         let images = kinds

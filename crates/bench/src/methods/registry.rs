@@ -8,6 +8,7 @@ use crate::split::Split;
 use anyhow::{Context, Result, bail, ensure};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use corf::{IdleKey, RasterConfig};
+use corf_scene::config::nearest;
 use serde_json::Value;
 
 /// Every family: a new one is a file of its own and a line here.
@@ -37,8 +38,12 @@ pub fn names() -> PossibleValuesParser {
 /// An unknown name.
 pub fn find(id: &str) -> Result<(&'static Family, &'static Variant)> {
     let of = |family: &&'static Family| family.variants.iter().find(|v| v.id == id).map(|variant| (*family, variant));
-    let known = || all().map(|method| method.id).collect::<Vec<_>>().join(", ");
-    FAMILIES.iter().find_map(of).with_context(|| format!("unknown method \"{id}\"\n  help: the methods are {}", known()))
+    let unknown = || {
+        let known: Vec<&str> = all().map(|method| method.id).collect();
+        let meant = nearest(id, known.iter().copied()).map_or(String::new(), |near| format!("did you mean {near}? "));
+        format!("unknown method \"{id}\"\n  help: {meant}the methods are {}", known.join(", "))
+    };
+    FAMILIES.iter().find_map(of).with_context(unknown)
 }
 
 /// What the method of a name can do; nothing where a record's name is none of this version.

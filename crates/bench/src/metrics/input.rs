@@ -2,6 +2,7 @@
 
 use crate::metrics::lpips::LpipsNetworks;
 use crate::terminal::messages;
+use crate::terminal::progress::Stage;
 use anyhow::Result;
 use clap::Args;
 use corf_scene::dataset::Dataset;
@@ -52,7 +53,7 @@ impl Input {
     /// A file that is missing or another than the recorded one, by name.
     pub fn of(dataset: Dataset, verify: bool) -> Result<Self> {
         if verify {
-            dataset.verify()?;
+            Stage::of("hashes of the dataset's files", || dataset.verify())?;
         }
         messages::findings(dataset.far_finding());
         Ok(Self { dataset, verified: verify, networks: Arc::default() })

@@ -1,7 +1,7 @@
 //! A coverage map as a picture: colours, walls, transmitters, axes in metres and a scale.
 
 use corf_raytrace::radio::coverage::CoveragePlane;
-use corf_scene::draw::{Anchor, Canvas, Format, hex, text};
+use corf_scene::draw::{Anchor, Canvas, Format, clip, hex, text, tick_step};
 use corf_scene::{Raster, Scene, color};
 use glam::{DVec2, DVec3};
 
@@ -187,51 +187,9 @@ fn canvas_size(pixels: usize) -> f32 {
     pixels as f32
 }
 
-/// 1, 2 or 5 times a power of ten that gives about eight ticks.
-fn tick_step(length_m: f64) -> f64 {
-    let rough = length_m / 8.0;
-    let decade = 10f64.powf(rough.log10().floor());
-    [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * decade).find(|s| *s >= rough).unwrap_or(10.0 * decade)
-}
-
-/// The part of a segment inside `[0, size]` (Liang and Barsky 1984).
-fn clip(a: DVec2, b: DVec2, size: DVec2) -> Option<[DVec2; 2]> {
-    let d = b - a;
-    let (mut from, mut to) = (0.0f64, 1.0f64);
-    for axis in 0..2 {
-        for (along, room) in [(-d[axis], a[axis]), (d[axis], size[axis] - a[axis])] {
-            if along == 0.0 {
-                if room < 0.0 {
-                    return None;
-                }
-            } else if along < 0.0 {
-                from = from.max(room / along);
-            } else {
-                to = to.min(room / along);
-            }
-        }
-    }
-    (from <= to).then(|| [a + d * from, a + d * to])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn ticks_are_round_and_few() {
-        for (length, step) in [(14.0, 2.0), (15.2, 2.0), (100.0, 20.0), (3.0, 0.5), (0.8, 0.1)] {
-            assert!((tick_step(length) - step).abs() < 1e-12, "{length}: {}", tick_step(length));
-        }
-    }
-
-    #[test]
-    fn segments_are_cut_at_the_frame() {
-        let size = DVec2::new(4.0, 2.0);
-        assert_eq!(clip(DVec2::new(-1.0, 1.0), DVec2::new(5.0, 1.0), size), Some([DVec2::new(0.0, 1.0), DVec2::new(4.0, 1.0)]));
-        assert_eq!(clip(DVec2::new(-1.0, 3.0), DVec2::new(5.0, 3.0), size), None);
-        assert_eq!(clip(DVec2::new(1.0, 1.0), DVec2::new(2.0, 0.5), size), Some([DVec2::new(1.0, 1.0), DVec2::new(2.0, 0.5)]));
-    }
 
     #[test]
     fn the_range_holds_the_strongest_cell_and_70_db_at_most() {

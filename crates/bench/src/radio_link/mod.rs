@@ -12,6 +12,7 @@ pub use receivers::receivers;
 use crate::note;
 use crate::scenes::in_use;
 use crate::terminal::messages;
+use crate::terminal::progress::Stage;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -333,7 +334,7 @@ impl LinkSetup {
         sampling: &DiffuseSettings,
         mut visit: impl FnMut(usize, &Transmitter<'_, '_>, Option<&DiffuseField<'_, '_>>) -> Result<()>,
     ) -> Result<()> {
-        let bvh = Bvh::build(&self.scene);
+        let bvh = Stage::of("search tree of the scene", || Bvh::build(&self.scene));
         let traced_from = |array: &AntennaArray| RadioTracer::new(&self.scene, &bvh, self.radio_settings(array));
         let mut tracer = traced_from(&self.transmitters[0].array)?;
         messages::findings(open_edges_note(&tracer));
@@ -341,8 +342,9 @@ impl LinkSetup {
             if tracer.settings().tx_antenna != array.element {
                 tracer = traced_from(&array)?;
             }
-            let transmitter = tracer.transmitter(position)?;
-            let field = self.link.diffuse.then(|| DiffuseField::new(&tracer, position, sampling)).transpose()?;
+            let transmitter = Stage::of("mirrors that the transmitter sees", || tracer.transmitter(position))?;
+            let photons = || Stage::of("photons of the radio field", || DiffuseField::new(&tracer, position, sampling));
+            let field = self.link.diffuse.then(photons).transpose()?;
             visit(number, &transmitter, field.as_ref())?;
         }
         Ok(())

@@ -348,7 +348,7 @@ impl Columns {
         }
         let missing: Vec<&str> =
             AXES.into_iter().zip(of_axis).filter(|(_, column)| column.is_none()).map(|(axis, _)| axis).collect();
-        let help = "name the columns x, y and z, world metres of the scene (x_cm and the like are converted), begin a comment with #, or leave names out";
+        let help = "name the columns x_m, y_m and z_m, or x, y and z: world metres of the scene (x_cm and the like are converted); begin a comment with #, or leave names out";
         let what = match geographic.as_slice() {
             [] => format!("`{}` names no column {}", names.join(", "), missing.join(", ")),
             named => format!("`{}` are places on a map or the earth, and no x, y, z in metres of the scene", named.join(", ")),

@@ -7,7 +7,7 @@ use crate::scenes::in_use;
 use crate::scenes::oidn::Oidn;
 use crate::terminal::interrupt;
 use crate::terminal::messages;
-use crate::terminal::progress::Progress;
+use crate::terminal::progress::{Progress, Stage};
 use anyhow::{Result, bail};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::{LightTracer, Spent, Stages};
@@ -92,8 +92,10 @@ pub fn generate_from(
         return report(Generated { dataset: Dataset::open(out)?, findings });
     }
     // Whatever can be refused is refused before the first file. Where one half of the set-up leaves processors idle, the other goes on.
-    let bvh = Bvh::build(scene);
+    let bvh = Stage::of("search tree of the scene", || Bvh::build(scene));
+    let set_up = Stage::start("faces and lights of the scene");
     let (tracer, light) = rayon::join(|| RadioTracer::new(scene, &bvh, plan.tracing), || LightTracer::new(scene, &bvh));
+    drop(set_up);
     let tracer = tracer?;
     let refused = AtomicBool::new(false);
     let (poses, radio_camera) = (header.poses.clone(), header.radio_camera);
@@ -101,19 +103,19 @@ pub fn generate_from(
         let mut camera = camera_unless(config, &light, &device, denoiser, &refused)?;
         let exposure_ev = match config.light.exposure_ev {
             Some(exposure_ev) => exposure_ev,
-            None => f64::from(camera.meter(&poses)?),
+            None => f64::from(Stage::of("exposure", || camera.meter(&poses))?),
         };
         camera.expose(exposure_ev as f32);
         camera.reserve()?;
         Ok((camera, exposure_ev))
     };
     let hear = || -> Result<_> {
-        let array = RadioSensor::new(&plan, scene, &tracer)?;
+        let array = Stage::of("mirrors and photons of the radio field", || RadioSensor::new(&plan, scene, &tracer))?;
         messages::findings(array.check(poses.iter().map(|pose| &pose.world_from_camera))?);
         let held = claim_output(out, resume)?;
         messages::findings(placement);
         messages::findings(geometry_warnings(scene, config.radio.transmission));
-        let sampling_error = array.sampling_error(&radio_camera, &poses)?;
+        let sampling_error = Stage::of("sampling error of the spectra", || array.sampling_error(&radio_camera, &poses))?;
         Ok((array, held, sampling_error))
     };
     let hear = || {
@@ -167,8 +169,8 @@ fn trace_and_write(
     if missing.is_empty() {
         return Ok(());
     }
-    let mut progress = Progress::start(format!("keyframes of {name}"), all, "keyframes");
     let mut done = all - missing.len();
+    let mut progress = Progress::start(format!("keyframes of {name}"), all, "keyframes").begun_at(done);
     let stages = Stages::default();
     let mut traced: Vec<(usize, KeyframeContent)> = Vec::new();
     let write = |traced: &[(usize, KeyframeContent)]| {

@@ -1,6 +1,7 @@
 //! A scene read for use: whatever its mesh's import left out or changed is said, on standard error, whichever command uses it.
 
 use crate::terminal::messages;
+use crate::terminal::progress::Stage;
 use corf_scene::config::SceneConfig;
 use corf_scene::{Finding, Result, Scene};
 
@@ -9,7 +10,7 @@ use corf_scene::{Finding, Result, Scene};
 /// # Errors
 /// Those of [`SceneConfig::load_scene`].
 pub fn load(config: &SceneConfig) -> Result<Scene> {
-    let (scene, left_out) = config.load_scene()?;
+    let (scene, left_out) = Stage::of("the scene's mesh", || config.load_scene())?;
     report_left_out(&left_out);
     Ok(scene)
 }

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fmt::{Arguments, Display, Write as _};
 use std::io::{ErrorKind, Write};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// Folder in an output folder in which files are written out of sight ([`crate::files::output`]); messages name the places that they will have.
 pub const UNFINISHED: &str = ".corf-unfinished";
@@ -18,12 +18,26 @@ macro_rules! note {
     };
 }
 
+/// What lines are written in the midst of, where bars are drawn on the same terminal.
+static AROUND: OnceLock<fn(&mut dyn FnMut())> = OnceLock::new();
+
+/// Says what makes room for every line from now on, and restores what it moved; the first to say so counts.
+pub fn make_room_by(around: fn(&mut dyn FnMut())) {
+    let _ = AROUND.set(around);
+}
+
 /// Writes a line to standard error, or not.
 pub fn to_stderr(words: Arguments<'_>) {
     let text = in_sight(&words.to_string());
     let line = format!("{}\n", sanitized(&text));
-    // The work goes on where nobody can be told of it.
-    let _ = std::io::stderr().write_all(line.as_bytes());
+    let mut write = || {
+        // The work goes on where nobody can be told of it.
+        let _ = std::io::stderr().write_all(line.as_bytes());
+    };
+    match AROUND.get() {
+        Some(around) => around(&mut write),
+        None => write(),
+    }
 }
 
 /// A text in which files that are written out of sight are where they will be.

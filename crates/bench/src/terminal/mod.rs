@@ -4,6 +4,8 @@ pub mod interrupt;
 pub mod messages;
 pub mod progress;
 
+pub use corf_scene::config::{help_with_name, nearest};
+
 use std::io::IsTerminal;
 
 /// Width of the terminal that standard output is, characters; none where it is a file or a pipe.

@@ -92,6 +92,11 @@ impl Bvh {
         build::build((0..scene.triangles.len()).map(|i| scene.corners(i)))
     }
 
+    /// A hierarchy of triangles alone; hits refer to them by their number.
+    pub(crate) fn of_triangles(triangles: impl ExactSizeIterator<Item = [Vec3; 3]>) -> Self {
+        build::build(triangles)
+    }
+
     /// The closest hit in `(t_min, t_max)`.
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
         self.intersect_where(ray, |_| true)

@@ -47,21 +47,27 @@ fn line_column(text: &str, at: usize) -> (usize, usize) {
 
 /// Advice on one of serde's messages.
 fn help_for(message: &str) -> String {
-    // serde writes: unknown field `a`, expected one of `b`, `c` / unknown variant `a`, expected `b` or `c`.
-    if message.starts_with("unknown field") || message.starts_with("unknown variant") {
-        let mut names = message.split('`').skip(1).step_by(2);
-        let given = names.next().unwrap_or("");
-        let known: Vec<&str> = names.collect();
-        return match nearest(given, known.iter().copied()) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None if known.is_empty() => "remove it".to_string(),
-            None => format!("use one of: {}", known.join(", ")),
-        };
+    if let Some(help) = help_with_name(message) {
+        return help;
     }
     if let Some(rest) = message.strip_prefix("missing field ") {
         return format!("add {rest} to this table");
     }
     "see the documented keys of this file".to_string()
+}
+
+/// What was meant by a key or a word that a message of serde's, alone or within others, calls unknown; `None` for other messages.
+pub fn help_with_name(message: &str) -> Option<String> {
+    // serde writes: unknown field `a`, expected one of `b`, `c` / unknown variant `a`, expected `b` or `c`.
+    let at = ["unknown field `", "unknown variant `"].iter().filter_map(|words| message.find(words)).min()?;
+    let mut names = message[at..].lines().next()?.split('`').skip(1).step_by(2);
+    let given = names.next().unwrap_or("");
+    let known: Vec<&str> = names.collect();
+    Some(match nearest(given, known.iter().copied()) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None if known.is_empty() => "remove it".to_string(),
+        None => format!("use one of: {}", known.join(", ")),
+    })
 }
 
 /// The candidate nearest to `given` in edit distance, if it is near enough to be a misspelling.
@@ -100,6 +106,14 @@ mod tests {
         assert_eq!(edit_distance("kitten", "sitting"), 3);
         assert_eq!(edit_distance("", "abc"), 3);
         assert_eq!(edit_distance("same", "same"), 0);
+    }
+
+    #[test]
+    fn an_unknown_name_is_found_within_other_words() {
+        let said = "in the configuration of m: TOML parse error at line 1\n1 | `a` = 3\nunknown field `stepss`, expected one of `rays`, `steps`\nin `t`";
+        assert_eq!(help_with_name(said).unwrap(), "did you mean `steps`?");
+        assert_eq!(help_with_name("unknown variant `q`, expected `jet` or `db`").unwrap(), "use one of: jet, db");
+        assert_eq!(help_with_name("unknown method `q`"), None);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 pub mod fingerprint;
 pub mod info;
 pub mod overlaps;
+pub(crate) mod parts;
 pub mod solids;
 
 use crate::{Raster, Rigid3};

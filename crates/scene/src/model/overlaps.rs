@@ -2,7 +2,11 @@
 //!
 //! Triangles of one object, material and plane are one face, and one slab, however often it is covered. Faces of different objects or materials
 //! are a slab each. Both hold whichever diagonals the triangles are cut along.
+//!
+//! Two closed bodies that touch (a shelf and its side, a rib and its radiator) share a place and no sheet: there their faces look into one another,
+//! where no light comes, and each is the slab of its own body. They are no overlap.
 
+use super::parts::parts;
 use crate::Scene;
 use glam::{DVec2, DVec3, I64Vec3};
 use std::collections::{BTreeMap, HashMap};
@@ -40,12 +44,27 @@ struct Flat {
     area_m2: f64,
     object: u32,
     material: u32,
+    /// Whether its own normal is the reverse of `normal`.
+    turned: bool,
+    /// Whether it is of a body's surface.
+    of_body: bool,
+}
+
+impl Flat {
+    /// Whether the two are where one body touches another, or itself.
+    fn touches(&self, other: &Self) -> bool {
+        self.of_body && other.of_body && self.turned != other.turned
+    }
 }
 
 /// Faces that are covered twice by their own triangles, and faces of different objects or materials that are copies of one another (a crate
-/// that stands on a floor is none), by objects. Indices of the scene must be in range.
+/// that stands on a floor is none, nor are bodies that touch), by objects. Indices of the scene must be in range.
 pub fn overlaps(scene: &Scene) -> Vec<Overlap> {
-    let flats: Vec<Flat> = (0..scene.triangles.len()).filter_map(|i| flat(scene, i)).collect();
+    let mut of_body = vec![false; scene.triangles.len()];
+    for part in parts(scene) {
+        part.of_bodies(scene).iter().for_each(|t| of_body[*t as usize] = true);
+    }
+    let flats: Vec<Flat> = (0..scene.triangles.len()).filter_map(|i| flat(scene, i, of_body[i])).collect();
     let mut cells: HashMap<(I64Vec3, i64), Vec<u32>> = HashMap::new();
     for (i, flat) in flats.iter().enumerate() {
         for cell in cells_of(flat) {
@@ -67,7 +86,7 @@ pub fn overlaps(scene: &Scene) -> Vec<Overlap> {
                 // Of the cells that hold both the first counts them.
                 let first =
                     cells_of(a).into_iter().filter(|cell| cells_of(b).contains(cell)).min_by_key(|c| (c.0.to_array(), c.1));
-                if first == Some(*cell) && in_one_plane(a, b) {
+                if first == Some(*cell) && !a.touches(b) && in_one_plane(a, b) {
                     let area_m2 = common_area_m2(a, b);
                     if area_m2 > SHARE * a.area_m2.min(b.area_m2) {
                         let mut pair = [face(a), face(b)];
@@ -106,15 +125,16 @@ fn face(flat: &Flat) -> Face {
 }
 
 /// A triangle with its plane, whose normal points the same way for both windings; `None` without area.
-fn flat(scene: &Scene, index: usize) -> Option<Flat> {
+fn flat(scene: &Scene, index: usize, of_body: bool) -> Option<Flat> {
     let (corners, triangle) = (scene.corners_f64(index), &scene.triangles[index]);
     let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     let normal = cross.try_normalize()?;
     let largest = normal.abs().max_position();
-    let normal = if normal[largest] < 0.0 { -normal } else { normal };
+    let turned = normal[largest] < 0.0;
+    let normal = if turned { -normal } else { normal };
     let offset_m = normal.dot(corners[0]);
     let (object, material) = (triangle.object, triangle.material);
-    Some(Flat { normal, offset_m, corners, area_m2: 0.5 * cross.length(), object, material })
+    Some(Flat { normal, offset_m, corners, area_m2: 0.5 * cross.length(), object, material, turned, of_body })
 }
 
 /// The cells in which triangles of the same plane meet: those of its normal and offset, and those next to a border that is near.
@@ -223,5 +243,52 @@ mod tests {
         // A rug of the floor's own object and material is a second cover of a part of one slab.
         let found = overlaps(&sheets(&[floor, (0, 0, [1.0, 3.0], [1.0, 2.0], 0.0, false)]));
         assert!(found.len() == 1 && found[0].one_slab && (found[0].area_m2 - 2.0).abs() < 1e-6, "{found:?}");
+    }
+
+    /// Adds a closed box of an object, its faces outwards.
+    fn add_box(scene: &mut Scene, object: u32, material: u32, min: Vec3, max: Vec3) {
+        while scene.objects.len() <= object as usize {
+            scene.objects.push(Object { name: format!("o{}", scene.objects.len()) });
+        }
+        let first = scene.positions.len() as u32;
+        let corner = |i: usize| Vec3::select(glam::BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), max, min);
+        scene.positions.extend((0..8).map(corner));
+        for q in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
+            let triangle = |t: [u32; 3]| Triangle { vertices: t.map(|v| first + v), material, object };
+            scene.triangles.extend([[q[0], q[1], q[2]], [q[0], q[2], q[3]]].map(triangle));
+        }
+    }
+
+    #[test]
+    fn bodies_that_touch_are_no_copies_and_flush_or_doubled_ones_are() {
+        let of = |object: u32, material: u32, min: Vec3, max: Vec3| {
+            let mut scene = Scene::default();
+            add_box(&mut scene, 0, 0, Vec3::ZERO, Vec3::ONE);
+            add_box(&mut scene, object, material, min, max);
+            overlaps(&scene).iter().map(|o| o.area_m2).sum::<f64>()
+        };
+        // Beside it and as large, of whatever object and material; then smaller, on top.
+        for (object, material) in [(0, 0), (0, 1), (1, 0)] {
+            assert_eq!(of(object, material, Vec3::X, Vec3::new(2.0, 1.0, 1.0)), 0.0, "{object} {material}");
+        }
+        assert_eq!(of(0, 0, Vec3::new(0.2, 0.2, 1.0), Vec3::new(0.7, 0.7, 1.5)), 0.0);
+        // Halfway through it with four faces flush, a band half as wide as the box: both of the same object's faces are seen from outside.
+        let flush = of(0, 0, Vec3::new(0.5, 0.0, 0.0), Vec3::new(1.5, 1.0, 1.0));
+        assert!((flush - 2.0).abs() < 1e-6, "{flush}");
+        let copy = of(1, 0, Vec3::ZERO, Vec3::ONE);
+        assert!((copy - 6.0).abs() < 1e-6, "{copy}");
+        // A sheet between a body and the open is no body: it lies on the body's face whichever way it looks.
+        for turned in [false, true] {
+            let mut scene = Scene::default();
+            add_box(&mut scene, 0, 0, Vec3::ZERO, Vec3::ONE);
+            let first = scene.positions.len() as u32;
+            scene.positions.extend([Vec3::Z, Vec3::new(1.0, 0.0, 1.0), Vec3::ONE, Vec3::new(0.0, 1.0, 1.0)]);
+            for [a, b, c] in [[0, 1, 2], [0, 2, 3]] {
+                let [b, c] = if turned { [c, b] } else { [b, c] };
+                scene.objects.resize(2, Object { name: "sheet".into() });
+                scene.triangles.push(Triangle { vertices: [first + a, first + b, first + c], material: 1, object: 1 });
+            }
+            assert_eq!(overlaps(&scene).len(), 1, "{turned}");
+        }
     }
 }

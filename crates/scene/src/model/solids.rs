@@ -131,13 +131,13 @@ fn solid_angle_sr(corners: &[DVec3; 3], from: DVec3) -> f64 {
 }
 
 /// Σ a·(b×c)/6 about the middle of the first triangle: the volume within a closed surface, positive when it faces outward.
-fn volume_m3(triangles: &[[DVec3; 3]]) -> f64 {
+pub(super) fn volume_m3(triangles: &[[DVec3; 3]]) -> f64 {
     let origin = triangles[0][0];
     triangles.iter().map(|t| (t[0] - origin).dot((t[1] - origin).cross(t[2] - origin))).sum::<f64>() / 6.0
 }
 
 /// Whether every edge is run through as often in one direction as in the other: the surface has no rim and one orientation.
-fn closed(triangles: &[[DVec3; 3]]) -> bool {
+pub(super) fn closed(triangles: &[[DVec3; 3]]) -> bool {
     let key = |p: DVec3| (p / WELD_M).round().to_array().map(|x| x as i64);
     let mut balance: HashMap<[[i64; 3]; 2], i64> = HashMap::new();
     for corners in triangles {

@@ -1,7 +1,9 @@
 //! `corf paths`: propagation paths between points, what a link makes of them, and their export.
 
+mod link_table;
 mod scenario;
 
+use self::link_table::Form;
 use super::{Verdict, print};
 use crate::files::separation::{Reads, keep_apart, keep_from_scene};
 pub(super) use crate::radio_link::Point;
@@ -74,10 +76,12 @@ pub struct Paths {
     /// Subcarriers of the frequency response.
     #[arg(long, value_name = "N", default_value_t = 64, requires = "bandwidth")]
     subcarriers: usize,
-    /// Output: paths with link statistics, Sionna RT's arrays, DeepMIMO's matrices, or a scenario that DeepMIMO loads.
-    #[arg(long, value_enum, default_value_t = Format::Json)]
-    format: Format,
-    /// Output file; without it, standard output. `.npz` for `npz` and, if wished, `sionna`; a new folder for `deepmimo`, the scenario's name.
+    /// Output: paths with link statistics, a table of links, Sionna RT's arrays, DeepMIMO's matrices, or a scenario that DeepMIMO loads. Without it
+    /// the ending of --out says: `.csv` and `.npz` are a table, all else is json.
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+    /// Output file; without it, standard output. `.csv` or `.npz` for `table`, `.npz` for `npz` and, if wished, `sionna`; a new folder for
+    /// `deepmimo`, the scenario's name.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
 }
@@ -106,6 +110,8 @@ impl FromStr for Velocity {
 enum Format {
     /// One object a link: paths under Sionna's names, link statistics, responses.
     Json,
+    /// A row a link: positions, number of paths, gain, power, spreads, K-factor, as CSV or NPZ by the ending of --out.
+    Table,
     /// The arrays of Sionna RT's `Paths` object, in its shapes.
     Sionna,
     /// DeepMIMO's matrices, one archive.
@@ -126,16 +132,21 @@ impl Paths {
     /// # Errors
     /// A scene that cannot be read or traced, a transmitter at the receiver, an end inside of a body.
     pub fn run(self) -> Result<Verdict> {
-        if self.format == Format::Deepmimo {
+        let form = self.out.as_deref().and_then(Form::of);
+        let format = self.format.unwrap_or(if form.is_some() { Format::Table } else { Format::Json });
+        if format == Format::Deepmimo {
             return self.scenario();
         }
-        let archive = self.out.as_ref().is_some_and(|p| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz")));
-        match (self.format, &self.out) {
+        let archive = form == Some(Form::Npz);
+        let table = (format == Format::Table).then(|| Form::of_output(self.out.as_deref())).transpose()?;
+        match (format, &self.out) {
             (Format::Npz, Some(_)) if archive => {}
             (Format::Npz, _) => return Err(Error::invalid("--out", "npz is a file", "give --out FILE.npz").into()),
-            (Format::Json, Some(path)) if archive => {
-                let help = "choose --format npz (DeepMIMO) or --format sionna, or a .json file";
-                return Err(Error::invalid(path.display().to_string(), "JSON does not go into an archive", help).into());
+            (Format::Json, Some(path)) if form.is_some() => {
+                let help = "choose --format table, npz (DeepMIMO) or sionna, or a .json file";
+                return Err(
+                    Error::invalid(path.display().to_string(), "JSON goes neither into an archive nor a CSV", help).into()
+                );
             }
             _ => {}
         }
@@ -148,27 +159,37 @@ impl Paths {
         let mut setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
         setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
         let ports: Vec<usize> = setup.transmitters.iter().map(|tx| tx.array.ports()).collect();
-        if self.format == Format::Sionna && ports.iter().any(|n| *n != ports[0]) {
+        if format == Format::Sionna && ports.iter().any(|n| *n != ports[0]) {
             let what = format!("{ports:?} ports, where Sionna RT has one transmit array for all");
             return Err(
                 Error::invalid("--transmitter", what, "give transmitters alike, one at a time, or --format json or npz").into()
             );
         }
-        if self.format == Format::Npz && self.velocities().is_some() {
+        if matches!(format, Format::Npz | Format::Table) && self.velocities().is_some() {
             let help = "choose --format json or sionna, or leave the velocity out";
-            return Err(Error::invalid(self.moving(), "DeepMIMO's matrices are of things that stand still", help).into());
+            let what = if table.is_some() {
+                "a table of links has no shifts of paths"
+            } else {
+                "DeepMIMO's matrices are of things that stand still"
+            };
+            return Err(Error::invalid(self.moving(), what, help).into());
+        }
+        if table.is_some() && self.bandwidth.is_some() {
+            let help = "choose --format json or npz, or leave the bandwidth out";
+            return Err(Error::invalid("--bandwidth", "a table of links holds no responses", help).into());
         }
         let channel = self.bandwidth.is_some() || setup.has_ports();
-        if setup.link.diffuse && (self.format == Format::Sionna || self.format == Format::Npz && !channel) {
+        if setup.link.diffuse && (format == Format::Sionna || format == Format::Npz && !channel) {
             let what = "scattered power has no coefficient that this format could hold";
             let help = "choose --format json, or for npz a --bandwidth: its `channel` has all power; or leave diffuse out";
             return Err(Error::invalid("--diffuse", what, help).into());
         }
         let subcarriers = self.subcarriers(&setup)?;
         let sampling = setup.diffuse_settings(DiffuseSettings::default().directions);
-        let traced = self.trace(&setup, &sampling)?;
-        let bytes = match self.format {
+        let traced = self.trace(&setup, &sampling, format)?;
+        let bytes = match format {
             Format::Json => self.json(&setup, &traced, subcarriers)?.into_bytes(),
+            Format::Table => self.table(&setup, &traced, table.unwrap_or(Form::Csv))?,
             Format::Sionna if archive => encode_npz(&sionna_arrays(&traced.set))?,
             Format::Sionna => serde_json::to_string(&sionna_json(&traced.set))?.into_bytes(),
             // A scenario is a folder, written above.
@@ -197,7 +218,7 @@ impl Paths {
         setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
         scenario::check(&setup)?;
         let folder = claim_fresh(out)?;
-        let traced = self.trace(&setup, &DiffuseSettings::default())?;
+        let traced = self.trace(&setup, &DiffuseSettings::default(), Format::Deepmimo)?;
         scenario::write(&setup, &traced.set, folder.path())?;
         folder.finish()?;
         scenario::report(&traced.set, out);
@@ -233,16 +254,16 @@ impl Paths {
     }
 
     /// Refuses more links than can be held in memory at once.
-    fn check_size(&self, setup: &LinkSetup, receivers: usize) -> Result<()> {
+    fn check_size(&self, setup: &LinkSetup, receivers: usize, format: Format) -> Result<()> {
         bounds::count("receivers", setup.transmitters.len().saturating_mul(receivers), bounds::MAX_LINKS, "links")?;
         let carriers = match self.bandwidth {
             Some(_) => self.subcarriers as f64,
             None => 1.0,
         };
         // As complex numbers of an archive, or in words.
-        let bytes_each = if self.format == Format::Npz { 16.0 } else { 200.0 };
-        let responses = match (self.format, setup.has_ports() || self.bandwidth.is_some()) {
-            (Format::Sionna, _) | (_, false) => 0.0,
+        let bytes_each = if format == Format::Npz { 16.0 } else { 200.0 };
+        let responses = match (format, setup.has_ports() || self.bandwidth.is_some()) {
+            (Format::Sionna | Format::Table, _) | (_, false) => 0.0,
             _ => setup.transmitters.iter().map(|tx| (tx.array.ports() * setup.rx_array.ports()) as f64 * carriers).sum::<f64>(),
         };
         let bytes = receivers as f64 * (responses * bytes_each + setup.transmitters.len() as f64 * LINK_BYTES);
@@ -250,7 +271,7 @@ impl Paths {
         Ok(bounds::memory("receivers", &format!("the channels of {receivers}"), bytes, help)?)
     }
 
-    fn trace<'s>(&self, setup: &'s LinkSetup, sampling: &DiffuseSettings) -> Result<Traced<'s>> {
+    fn trace<'s>(&self, setup: &'s LinkSetup, sampling: &DiffuseSettings, format: Format) -> Result<Traced<'s>> {
         let transmitters = &setup.transmitters;
         let receivers = receivers(&setup.config, &self.rx, self.rx_file.as_deref(), self.rx_trajectory)?;
         for rx in &receivers {
@@ -258,8 +279,8 @@ impl Paths {
         }
         setup.check_distances(&receivers)?;
         let total = transmitters.len() * receivers.len();
-        self.check_size(setup, receivers.len())?;
-        let mut progress = (total > 1).then(|| Progress::start("paths", total, "links"));
+        self.check_size(setup, receivers.len(), format)?;
+        let mut progress = None;
         let mut links = vec![Vec::new(); receivers.len()];
         let mut diffuse = vec![Vec::new(); receivers.len()];
         setup.each_transmitter(sampling, |t, transmitter, field| {
@@ -267,7 +288,9 @@ impl Paths {
                 interrupt::check()?;
                 links[r].push(Link { tx: transmitter.position(), rx, paths: transmitter.paths(rx)? });
                 diffuse[r].push(field.map_or_else(|| Ok(Vec::new()), |f| f.gather(rx, f.antenna(), &Extent::Sphere))?);
-                if let Some(progress) = &mut progress {
+                if total > 1 {
+                    // It begins behind the set-up, which says what it does itself.
+                    let progress = progress.get_or_insert_with(|| Progress::start("paths", total, "links"));
                     progress.set(t * receivers.len() + r + 1, total);
                 }
             }

@@ -13,11 +13,14 @@ use crate::methods;
 use crate::methods::interface::{Advance, Checkpoints, TrainingSet};
 use crate::metrics::input::Verify;
 use crate::note;
+use crate::record::Record;
 use crate::run::harness;
 use crate::run::picture::Picture;
 use crate::run::quality::QualityWatch;
 use crate::run::{CONFIG, RunInfo, claim_output, initial_hash, write_config, write_finished};
 use crate::split::{Protocol, Split};
+use crate::table;
+use crate::terminal;
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
 use crate::viewer::{Port, Watching};
@@ -123,7 +126,7 @@ impl Reconstruct {
         };
         let info = live.run()?;
         let text = info.live.as_ref().map_or(String::new(), |live| format!("\n{}", live.summary()));
-        show(json, &info, &(summary(&info) + &text))?;
+        show(json, &info, &(summary(&info) + &text + &ending(&self.out, &info)))?;
         Ok(Verdict::Done)
     }
 
@@ -215,7 +218,7 @@ impl Reconstruct {
                     "--evaluate-every: it was reconstructed without evaluations, and has no curve of quality: choose another --out for one"
                 );
             }
-            show(json, &info, &summary(&info))?;
+            show(json, &info, &(summary(&info) + &ending(&self.out, &info)))?;
             return Ok(Verdict::Done);
         }
         let checkpoint = self.out.join(CHECKPOINT);
@@ -268,7 +271,7 @@ impl Reconstruct {
             picture.look(&truth, predicted.halves())?;
             picture.write()?;
         }
-        show(json, &info, &summary(&info))?;
+        show(json, &info, &(summary(&info) + &ending(&self.out, &info)))?;
         if let Some(watching) = watching {
             // What is shown at the end is what was written.
             watching.finish(|| Field::read(&self.out).inspect_err(|error| note!("{error}")).ok());
@@ -279,6 +282,9 @@ impl Reconstruct {
 
 /// The figure of quality over time, in the run's folder.
 const QUALITY: &str = "quality.svg";
+/// What `corf evaluate` writes into a run's folder.
+const METRICS: &str = "metrics.json";
+
 /// The state of an unfinished run, in its folder.
 const CHECKPOINT: &str = "checkpoint";
 
@@ -359,4 +365,42 @@ fn summary(info: &RunInfo) -> String {
         }
     }
     text
+}
+
+/// Where the run is, what it is worth on the held-out keyframes where it was evaluated, and the commands to type next.
+fn ending(out: &Path, info: &RunInfo) -> String {
+    let folder = shell_word(&out.display().to_string());
+    let mut text = format!("\nrun:  {}", out.display());
+    let record = out.join(METRICS).is_file().then(|| Record::read(&out.join(METRICS)).ok()).flatten();
+    if let (Some(record), Ok(columns)) = (&record, table::columns(&["short".to_owned()])) {
+        text += &format!(
+            "\nheld-out keyframes:\n{}",
+            table::plain(&table::rows(std::slice::from_ref(record)), &columns, terminal::width()).trim_end()
+        );
+    }
+    let evaluate = format!("corf evaluate {folder}");
+    let view = format!("corf view {folder}");
+    let next = match record.is_none() && info.protocol != Protocol::All {
+        true => format!("{evaluate}    (quality on the held-out keyframes)\n      {view}    (look at it)"),
+        false => format!("{view}    (look at it)"),
+    };
+    text + &format!("\nnext: {next}")
+}
+
+/// A word as a shell takes it.
+fn shell_word(word: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "/._-+:@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_of_blanks_and_quotes_are_one_word_of_the_next_command() {
+        assert_eq!(shell_word("runs/a-1"), "runs/a-1");
+        assert_eq!(shell_word("my runs/it's"), "'my runs/it'\\''s'");
+        assert_eq!(shell_word(""), "''");
+    }
 }

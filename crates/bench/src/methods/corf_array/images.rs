@@ -2,6 +2,7 @@
 
 use crate::scenes::behind::SceneBehind;
 use crate::terminal::interrupt;
+use crate::terminal::progress::Stage;
 use anyhow::Result;
 use corf::array_field::Image;
 use corf_raytrace::bvh::Bvh;
@@ -20,7 +21,8 @@ pub(super) fn seen(behind: &SceneBehind, poses: &[Rigid3], least_power: f64) -> 
     let plan = SensorPlan::of(config, scene_config)?;
     let bvh = Bvh::build(scene);
     let tracer = RadioTracer::new(scene, &bvh, plan.tracing)?;
-    let transmitter = tracer.transmitter(plan.transmitter.position())?;
+    let mirrors = || tracer.transmitter(plan.transmitter.position());
+    let transmitter = Stage::of("mirrors that the transmitter sees", mirrors)?;
     let from = |pose: &Rigid3| {
         interrupt::check()?;
         let element = element_at(&plan.receiver, pose);

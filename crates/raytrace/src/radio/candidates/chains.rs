@@ -131,7 +131,7 @@ fn mirrors(geometry: &Geometry<'_>, settings: &RadioSettings) -> Vec<u32> {
 /// The chains that rays run through, and faces lit by way of large ones.
 fn by_rays(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: usize) -> Vec<Chain> {
     let allowed = &mirrors(geometry, settings);
-    let walk = Walk::new(geometry, settings);
+    let walk = Walk::new(geometry, settings).with_opaque_tree();
     let mut chains = exhaustive(geometry, tx, allowed, 1);
     chains.extend(walk.lattice(tx, rays, |found, chain, triangle| found.extend(walk.mirrored(chain, triangle))));
     distinct(&mut chains);

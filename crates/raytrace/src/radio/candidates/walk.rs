@@ -1,7 +1,8 @@
 //! Rays that look for chains of mirrors: through mirrors and slabs from surface to surface.
 
+use crate::bvh::Bvh;
 use crate::radio::candidates::chain::{Chain, repeats};
-use crate::radio::geometry::Geometry;
+use crate::radio::geometry::{Geometry, blocked};
 use crate::radio::{
     MAX_INTERACTIONS, RadioSettings, Slab,
     field::{self, fresnel},
@@ -108,13 +109,31 @@ pub struct Walk<'w, 'a> {
     settings: &'w RadioSettings,
     /// Whether a material lets a ray through, by material.
     transparent: Vec<bool>,
+    /// A tree of what does not.
+    opaque: Option<Bvh>,
 }
 
 impl<'w, 'a> Walk<'w, 'a> {
     pub fn new(geometry: &'w Geometry<'a>, settings: &'w RadioSettings) -> Self {
         let passes = |slab: &Slab| fresnel::slab_response(slab, 1.0).t_te.norm_squared() > TRANSPARENT_POWER;
         let transparent = geometry.slabs.iter().map(|slab| settings.transmission && slab.as_ref().is_some_and(passes)).collect();
-        Self { geometry, settings, transparent }
+        Self { geometry, settings, transparent, opaque: None }
+    }
+
+    /// The same with a tree of its own of what blocks rays, for many of them: the answers stay what they are.
+    pub fn with_opaque_tree(self) -> Self {
+        let opaque = self.geometry.tree_of(|face| !self.transparent[self.geometry.faces[face as usize].material as usize]);
+        Self { opaque, ..self }
+    }
+
+    /// Whether something opaque is between two points.
+    fn is_blocked(&self, from: DVec3, to: DVec3) -> bool {
+        match &self.opaque {
+            Some(tree) => blocked(tree, from, to, CLEARANCE_M),
+            None => self
+                .geometry
+                .occluded(from, to, CLEARANCE_M, |face| !self.transparent[self.geometry.faces[face as usize].material as usize]),
+        }
     }
 
     /// The scene.
@@ -133,7 +152,6 @@ impl<'w, 'a> Walk<'w, 'a> {
     /// Whether a ray from the transmitter reaches a point of a chain's last face by way of the chain.
     pub fn lights(&self, way: &ChainImages<'_>, point: DVec3) -> bool {
         let geometry = self.geometry;
-        let opaque = |face: u32| !self.transparent[geometry.faces[face as usize].material as usize];
         let faces = way.chain.faces();
         let mut to = point;
         for i in (0..faces.len()).rev() {
@@ -151,7 +169,7 @@ impl<'w, 'a> Walk<'w, 'a> {
                 }
                 bounce
             };
-            if geometry.occluded(from, to, CLEARANCE_M, opaque) {
+            if self.is_blocked(from, to) {
                 return false;
             }
             to = from;

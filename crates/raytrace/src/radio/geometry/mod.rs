@@ -9,7 +9,7 @@ use crate::bvh::{Bvh, Ray};
 use corf_scene::solids::Solids;
 use corf_scene::{Error, Result, Scene};
 use face::Face;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::ops::ControlFlow;
 
 /// A crossing this close to a segment's end belongs to the end itself, metres.
@@ -353,27 +353,44 @@ impl<'a> Geometry<'a> {
     /// Asks `blocks` about the faces between two points pulled in by `clearance_m`, in any order, some more than once, until it says
     /// yes; returns whether it did (single precision is enough for power).
     pub fn occluded(&self, from: DVec3, to: DVec3, clearance_m: f64, mut blocks: impl FnMut(u32) -> bool) -> bool {
-        let length = from.distance(to);
-        if length <= 2.0 * clearance_m {
-            return false;
-        }
-        let direction = (to - from) / length;
         match self.occluders {
-            Occluders::Brute => self.corners.iter().zip(&self.face_of_triangle).any(|(corners, face)| {
-                line_meets_triangle(from, direction, corners).is_some_and(|t| t > clearance_m && t < length - clearance_m)
-                    && blocks(*face)
-            }),
-            Occluders::Bvh(bvh) => {
-                let ray = Ray {
-                    origin: from.as_vec3(),
-                    direction: direction.as_vec3(),
-                    t_min: clearance_m as f32,
-                    t_max: (length - clearance_m) as f32,
-                };
-                bvh.occluded_where(&ray, |hit| blocks(self.face_of_triangle[hit.triangle as usize]))
+            Occluders::Brute => {
+                let length = from.distance(to);
+                let direction = (to - from) / length;
+                length > 2.0 * clearance_m
+                    && self.corners.iter().zip(&self.face_of_triangle).any(|(corners, face)| {
+                        line_meets_triangle(from, direction, corners).is_some_and(|t| t > clearance_m && t < length - clearance_m)
+                            && blocks(*face)
+                    })
             }
+            Occluders::Bvh(bvh) => pulled_in(from, to, clearance_m)
+                .is_some_and(|ray| bvh.occluded_where(&ray, |hit| blocks(self.face_of_triangle[hit.triangle as usize]))),
         }
     }
+
+    /// A tree of the triangles whose faces `blocks`, for [`blocked`]; none where there is no tree of all.
+    pub(super) fn tree_of(&self, blocks: impl Fn(u32) -> bool) -> Option<Bvh> {
+        let Occluders::Bvh(_) = self.occluders else { return None };
+        let of_face = self.corners.iter().zip(&self.face_of_triangle).filter(|(_, face)| blocks(**face));
+        let triangles: Vec<[Vec3; 3]> = of_face.map(|(corners, _)| corners.map(|p| p.as_vec3())).collect();
+        Some(Bvh::of_triangles(triangles.into_iter()))
+    }
+}
+
+/// Whether a tree of triangles blocks the segment between two points pulled in by `clearance_m`.
+pub(super) fn blocked(tree: &Bvh, from: DVec3, to: DVec3, clearance_m: f64) -> bool {
+    pulled_in(from, to, clearance_m).is_some_and(|ray| tree.occluded(&ray))
+}
+
+/// The segment between two points pulled in by `clearance_m`, if something is left of it.
+fn pulled_in(from: DVec3, to: DVec3, clearance_m: f64) -> Option<Ray> {
+    let length = from.distance(to);
+    (length > 2.0 * clearance_m).then(|| Ray {
+        origin: from.as_vec3(),
+        direction: ((to - from) / length).as_vec3(),
+        t_min: clearance_m as f32,
+        t_max: (length - clearance_m) as f32,
+    })
 }
 
 /// Intersection of a line with a triangle, as a signed distance along the unit `direction`.

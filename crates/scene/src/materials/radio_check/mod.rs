@@ -6,14 +6,13 @@
 //! 0.008` is 16 mm of glass), and an antenna inside of a body.
 
 mod config;
-mod parts;
 
 use crate::config::SceneConfig;
 use crate::finding::Finding;
+use crate::parts::{self, Part};
 use crate::solids::Solids;
 use crate::{Error, Result, Scene, Severity, near_field, trajectory};
 use glam::DVec3;
-use parts::Part;
 use std::collections::BTreeMap;
 
 /// Poses at which a trajectory is looked at.

@@ -2,8 +2,9 @@
 
 use super::materials::Mat;
 use super::mesh_builder::Object;
-use crate::Scene;
+use crate::info::validate_scene;
 use crate::trajectory::TrajectoryPose;
+use crate::{Scene, Severity};
 use glam::{DVec2, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -120,6 +121,13 @@ pub fn assert_closed(objects: &[Object], is_sheet: impl Fn(Mat) -> bool) -> (usi
         }
     }
     (closed, open)
+}
+
+/// A validation of the scene warns of nothing.
+pub fn assert_sound(scene: &Scene) {
+    let findings = validate_scene(scene, 60e9);
+    let warnings: Vec<String> = findings.iter().filter(|f| f.severity != Severity::Note).map(ToString::to_string).collect();
+    assert!(warnings.is_empty(), "{warnings:?}");
 }
 
 /// Distance in plan from `p` to the part of a triangle between two heights; infinite where there is none.

@@ -155,11 +155,11 @@ pub fn bookcase(name: &str, seed: u64, length: f64, height: f64) -> Object {
     o
 }
 
-/// A floor lamp: marble foot, brass rod, cloth drum that glows.
+/// A floor lamp: marble foot, brass rod, cloth drum that glows, closed above and below by the cloth's diffusers.
 pub fn floor_lamp() -> Object {
     let mut o =
         Object::new("").with(Mat::MarbleWhite, disc(0.15, 0.0, 0.04, 32)).with(Mat::Brass, cylinder(0.011, 0.04, 1.42, 12));
-    o.add(Mat::LampShade, lathe(&[[0.2, 1.3], [0.17, 1.58]], 20));
+    o.add(Mat::LampShade, lathe(&[[0.0, 1.3], [0.2, 1.3], [0.17, 1.58], [0.0, 1.58]], 20));
     o.add(Mat::Brass, rod(v(-0.185, 0.0, 1.42), v(0.185, 0.0, 1.42), 0.005, 6));
     o
 }
@@ -286,7 +286,7 @@ pub fn monitor(face: Mat) -> Object {
     let mut o = Object::new("");
     o.add(Mat::BlackPlastic, rounded_box(v(-0.27, 0.0, 0.86), v(0.27, 0.03, 1.18), 0.008, 2, 1));
     o.add(face, picture(v(0.26, 0.0305, 0.87), v(-0.52, 0.0, 0.0), v(0.0, 0.0, 0.3)));
-    o.add(Mat::DarkMetal, cuboid(v(-0.03, -0.012, 0.74), v(0.03, 0.0, 1.0)));
+    o.add(Mat::DarkMetal, cuboid(v(-0.03, -0.012, 0.75), v(0.03, 0.0, 1.0)));
     o.add(Mat::DarkMetal, block(0.0, 0.0, 0.74, [0.24, 0.18, 0.01]));
     o.add(Mat::Keyboard, printed_box(v(-0.22, -0.075, 0.0), v(0.22, 0.075, 0.018)).turned(180.0, 0.0, 0.22, 0.74));
     o

@@ -48,12 +48,12 @@ pub fn lamp_face(x: f64, y: f64, z: f64, radius: f64, corners: usize) -> Mesh {
     mesh
 }
 
-/// A lit ceiling panel of `size` with its lower corner in plan at `x, y`: a white housing, a bezel, a face that shines down.
+/// A lit ceiling panel of `size` with its lower corner in plan at `x, y`: a white housing, a bezel below it, a face that shines down.
 pub fn light_panel(name: &str, x: f64, y: f64, size: [f64; 2], ceiling: f64) -> Object {
     let ([w, h], z) = (size, ceiling - 0.03);
     let mut o = Object::new(name);
     o.add(Mat::WhiteMetal, cuboid(v(x, y, z + 0.004), v(x + w, y + h, ceiling - 0.002)));
-    o.add(Mat::WhiteMetal, frame_bars(w - 0.05, h - 0.05, 0.025, 0.0, 0.03).shifted(x + 0.025, y + 0.025, z - 0.01));
+    o.add(Mat::WhiteMetal, frame_bars(w - 0.05, h - 0.05, 0.025, 0.0, 0.014).shifted(x + 0.025, y + 0.025, z - 0.01));
     o.add(Mat::LightPanel, picture(v(x + 0.025, y + h - 0.025, z), v(w - 0.05, 0.0, 0.0), v(0.0, 0.05 - h, 0.0)));
     o
 }

@@ -22,7 +22,7 @@ pub fn sofa(seats: usize, cover: Mat, pillow: Mat) -> Object {
         let x = side * (hw - 0.5 * arm);
         o.add(cover, rounded_box(v(x - 0.5 * arm, -hd, 0.14), v(x + 0.5 * arm, hd - 0.04, 0.6), 0.06, 2, 1));
     }
-    o.add(cover, rounded_box(v(-hw + 0.03, hd - 0.2, 0.14), v(hw - 0.03, hd, 0.8), 0.07, 2, 1));
+    o.add(cover, rounded_box(v(-hw + 0.03, hd - 0.2, 0.142), v(hw - 0.03, hd, 0.8), 0.07, 2, 1));
     for i in 0..seats {
         let x = (i as f64 + 0.5) * seat_w - 0.5 * seat_w * seats as f64;
         let half = 0.5 * seat_w - 0.006;

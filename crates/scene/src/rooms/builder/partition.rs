@@ -3,7 +3,7 @@
 use super::materials::Mat;
 use super::mesh_builder::{Frame, Mesh, Object};
 use super::shapes::{cuboid, v};
-use super::wall::Wall;
+use super::wall::{SKIRTING_DEPTH, Wall};
 use glam::{DVec2, DVec3};
 
 /// Thickness of a partition, metres.
@@ -186,10 +186,17 @@ impl Partition {
         starts.zip(ends).map(|(from, to)| [from, to]).collect()
     }
 
-    /// Skirting boards on both faces between the openings that reach the floor.
-    pub fn skirting(&self, object: &mut Object) {
+    /// Skirting boards on both faces between the openings that reach the floor, in a building of this size in plan: an end within it meets
+    /// another partition, and stops at the face of that one's board.
+    pub fn skirting(&self, object: &mut Object, size: [f64; 2]) {
         let (left, right) = (self.start, self.start + self.front.length);
+        let across = size[usize::from(self.front.inward.x != 0.0)];
+        let stop = |at: f64, towards: f64| {
+            let meets = (at == left || at == right) && at > 0.0 && at < across;
+            if meets { at + towards * SKIRTING_DEPTH } else { at }
+        };
         for [from, to] in self.stretches() {
+            let (from, to) = (stop(from, 1.0), stop(to, -1.0));
             self.front.skirting(object, &[[from - left, to - left]]);
             self.back().skirting(object, &[[right - to, right - from]]);
         }

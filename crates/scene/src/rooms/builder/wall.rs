@@ -5,6 +5,9 @@ use super::mesh_builder::{Frame, Object};
 use super::shapes::{cuboid, sheet_with_holes, v};
 use glam::DVec3;
 
+/// Depth of a skirting board, metres: where two meet in a corner one ends at the face of the other.
+pub const SKIRTING_DEPTH: f64 = 0.014;
+
 /// A wall in plan: local x runs to the right as seen from the room, local y up, local z into the room.
 #[derive(Clone, Copy, Debug)]
 pub struct Wall {
@@ -38,7 +41,7 @@ impl Wall {
     /// Skirting boards over the given stretches.
     pub fn skirting(&self, object: &mut Object, stretches: &[[f64; 2]]) {
         for s in stretches {
-            object.add(Mat::WhiteWood, cuboid(v(s[0], 0.0, 0.0), v(s[1], 0.09, 0.014)).placed(&self.frame(0.0, 0.0)));
+            object.add(Mat::WhiteWood, cuboid(v(s[0], 0.0, 0.0), v(s[1], 0.09, SKIRTING_DEPTH)).placed(&self.frame(0.0, 0.0)));
         }
     }
 }

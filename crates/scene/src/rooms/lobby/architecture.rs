@@ -5,7 +5,7 @@ use crate::builder::materials::Mat;
 use crate::builder::mesh_builder::{Frame, Object};
 use crate::builder::shapes::{cuboid, frame_bars, picture, sheet, v};
 use crate::builder::shapes_round::{cylinder, lathe, rod, tube};
-use crate::builder::wall::Wall;
+use crate::builder::wall::{SKIRTING_DEPTH, Wall};
 use glam::DVec3;
 
 /// Clear height, metres.
@@ -135,10 +135,13 @@ fn walls(all: &mut Vec<Object>) {
     all.push(studs);
     let mut skirting = Object::new("Skirting");
     WEST.skirting(&mut skirting, &[[0.0, LIFTS[0][0] - 0.1], [LIFTS[0][1] + 0.1, LIFTS[1][0] - 0.1], [LIFTS[1][1] + 0.1, 15.0]]);
-    SOUTH.skirting(&mut skirting, &[[2.15, ENTRANCE[0] - 0.06], [ENTRANCE[1] + 0.06, 13.92]]);
+    SOUTH.skirting(&mut skirting, &[[2.15, ENTRANCE[0] - 0.06], [ENTRANCE[1] + 0.06, 13.92 - SKIRTING_DEPTH]]);
     NICHE.skirting(&mut skirting, &[[0.0, 5.5]]);
     INNER.skirting(&mut skirting, &[[0.0, 6.0]]);
-    NORTH.skirting(&mut skirting, &[[LINING, NORTH_DOOR[0] - 0.08], [NORTH_DOOR[1] + 0.08, 8.5]]);
+    NORTH.skirting(
+        &mut skirting,
+        &[[LINING + SKIRTING_DEPTH, NORTH_DOOR[0] - 0.08], [NORTH_DOOR[1] + 0.08, 8.5 - SKIRTING_DEPTH]],
+    );
     all.push(skirting);
 }
 
@@ -273,7 +276,8 @@ fn railing() -> Object {
         o.add(Mat::DarkMetal, rod(v(x, y, floor(x)), v(x, y, top(x) - 0.01), 0.009, 6));
     }
     o.add(Mat::Oak, tube(&[v(11.85, y, top(11.85)), v(12.5, y, top(12.5)), v(13.98, y, 1.4)], 0.024, 16));
-    o.add(Mat::DarkMetal, cylinder(0.022, 0.15, top(11.97) - 0.01, 16).shifted(11.97, y - 0.02, 0.0));
+    // The newel takes the first baluster in, a little longer at both ends.
+    o.add(Mat::DarkMetal, cylinder(0.022, 0.149, top(11.97) - 0.005, 16).shifted(11.97, y - 0.02, 0.0));
     o
 }
 

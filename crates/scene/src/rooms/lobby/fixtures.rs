@@ -153,15 +153,28 @@ fn letters(text: &str) -> Object {
     let mut o = Object::new("Brass name");
     let (strokes, _) = text_layout(text);
     let (cap, pen, z0, z1) = (0.42, 0.032, 0.045, 0.065);
+    // Bars and joints run into one another: each is a hair thicker than the one before, so that no two end in one plane.
+    let mut pieces = 0;
+    let mut thickness = || {
+        pieces += 1;
+        (z0 - 4e-5 * f64::from(pieces), z1 + 4e-5 * f64::from(pieces))
+    };
+    let mut joints: Vec<DVec2> = Vec::new();
     for stroke in strokes {
         let points: Vec<DVec2> = stroke.iter().map(|p| DVec2::new(f64::from(p[0]), f64::from(p[1])) * cap).collect();
         for pair in points.windows(2) {
-            let d = pair[1] - pair[0];
-            let bar = cuboid(v(0.0, -pen, z0), v(d.length(), pen, z1));
+            let (d, (low, high)) = (pair[1] - pair[0], thickness());
+            let bar = cuboid(v(0.0, -pen, low), v(d.length(), pen, high));
             o.add(Mat::Brass, bar.placed(&Frame::along(d, pair[0])));
         }
         for p in points {
-            o.add(Mat::Brass, cylinder(pen, z0, z1 + 0.0004, 14).shifted(p.x, p.y, 0.0));
+            // Strokes that end where others do share the joint.
+            if joints.iter().any(|joint| joint.distance(p) < 1e-9) {
+                continue;
+            }
+            joints.push(p);
+            let (low, high) = thickness();
+            o.add(Mat::Brass, cylinder(pen, low, high, 14).shifted(p.x, p.y, 0.0));
         }
     }
     for x in [0.1, 1.2, 2.3] {

@@ -98,6 +98,11 @@ fn closed_things_are_closed_and_wound_outwards() {
 }
 
 #[test]
+fn nothing_is_doubled_and_no_body_has_a_hole() {
+    checks::assert_sound(&loaded());
+}
+
+#[test]
 fn the_platform_keeps_40_cm_from_everything_up_to_2_m() {
     let config = SceneConfig::load(committed("lobby.toml")).unwrap();
     let poses = trajectory::generate(config.trajectory.as_ref().unwrap(), 500).unwrap();

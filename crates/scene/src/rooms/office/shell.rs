@@ -81,7 +81,7 @@ pub fn objects(walls: &Partitions) -> Vec<Object> {
     for wall in walls.all() {
         all.push(wall.boards());
         wall.studs(&mut studs);
-        wall.skirting(&mut skirting);
+        wall.skirting(&mut skirting, SIZE);
     }
     all.extend([studs, skirting]);
     street(&mut all);

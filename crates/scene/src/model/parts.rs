@@ -1,8 +1,9 @@
 //! Connected parts of objects: whether they close, what they lack, how thick they are.
 
+use super::solids::{closed, volume_m3};
 use crate::Scene;
 use glam::DVec3;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// Corners that differ by less are one, metres.
 const WELD_M: f64 = 2e-6;
@@ -98,6 +99,20 @@ fn part(scene: &Scene, corners: &[[usize; 3]], triangles: Vec<u32>) -> Part {
 }
 
 impl Part {
+    /// Its triangles that close around a volume and face outward: all of them, or all of one material, where sheets of another hang on to them.
+    pub fn of_bodies(&self, scene: &Scene) -> Vec<u32> {
+        let is_body = |triangles: &[u32]| {
+            let corners: Vec<[DVec3; 3]> = triangles.iter().map(|t| scene.corners_f64(*t as usize)).collect();
+            closed(&corners) && volume_m3(&corners) > 0.0
+        };
+        if is_body(&self.triangles) {
+            return self.triangles.clone();
+        }
+        let mut by_material: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        self.triangles.iter().for_each(|&t| by_material.entry(scene.triangles[t as usize].material).or_default().push(t));
+        by_material.into_values().filter(|triangles| is_body(triangles)).flatten().collect()
+    }
+
     /// A point of the rim of a hole that nothing else closes, where the part is a body rather than a sheet.
     pub fn hole(&self, scene: &Scene) -> Option<DVec3> {
         if self.rim.is_empty() || self.balance >= BODY_BALANCE || self.area_m2 < SMALLEST_BODY_M2 {
