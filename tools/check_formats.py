@@ -11,6 +11,7 @@ and, of further exports (`tools/check_formats.sh data/mini` makes and checks the
     corf dataset export data/mini --to nerf2 --scene scenes/lobby.toml --out nerf2         # --nerf2 nerf2
     corf paths scenes/room.toml --rx-trajectory 5 --out links.json
     corf paths scenes/room.toml --rx-trajectory 5 --format deepmimo --out room      # --deepmimo room --links links.json
+    corf paths scenes/room.toml --rx-trajectory 5 --format qd --out qd              # --qd qd --links links.json
 
 For every folder of a data set that other programs open (`optical/`, `rf/`):
 
@@ -33,7 +34,7 @@ where they are installed, and are named as skipped where they are not.
 that the metadata states is theirs.
 
 `--nerfstudio`, `--rf-3dgs`, `--nerf2`: see check_exports.py; nerfstudio's dataparser is asked as well where it is installed. `--deepmimo`: deepmimo loads the scenario and computes
-channels, which are those of the paths: see check_channels.py. Scenes have checks of their own, each with the program that reads them: check_sionna.py (Sionna RT),
+channels, which are those of the paths: see check_channels.py. `--qd`: Q-D files, as text or JSON, by a reader of their format: see check_qd.py. Scenes have checks of their own, each with the program that reads them: check_sionna.py (Sionna RT),
 check_light.py (Mitsuba 3); models on gsplat's rasteriser: compare_gsplat.py.
 
 Exit code 0: everything agrees; 1: something does not; 2: bad input.
@@ -48,6 +49,7 @@ from pathlib import Path
 
 from check_channels import check_deepmimo, controls, links
 from check_exports import check_nerf2_export, check_nerfstudio_export, check_nerfstudio_reader, check_rf_3dgs_export
+from check_qd import check_qd, qd_controls
 from format_rules import Failed, insist, project
 
 # Text files hold 17 digits; quaternions are normalised once more by readers.
@@ -68,13 +70,14 @@ def arguments():
     parser.add_argument("--nerf2", type=Path, help="folder of corf dataset export --to nerf2")
     parser.add_argument("--arrays", type=Path, nargs="+", default=[], help="files of trained networks and fields, and checkpoints")
     parser.add_argument("--deepmimo", type=Path, help="folder of corf paths --format deepmimo; needs --links")
+    parser.add_argument("--qd", type=Path, nargs="+", default=[], help="folders of corf paths --format qd or qd-json; need --links")
     parser.add_argument("--links", type=Path, help="the same links of corf paths --format json")
     parser.add_argument("--controls", action="store_true", help="also make sure that shifted cameras and channels fail")
     args = parser.parse_args()
     if args.rf_3dgs and not args.numpy:
         parser.error("--rf-3dgs is checked against the spectra of --numpy")
-    if bool(args.deepmimo) != bool(args.links):
-        parser.error("--deepmimo and --links belong together")
+    if bool(args.deepmimo or args.qd) != bool(args.links):
+        parser.error("--deepmimo or --qd and --links belong together")
     if not (args.dataset / "dataset.json").is_file():
         parser.error(f"{args.dataset} holds no dataset.json")
     if args.numpy and not (args.numpy / "00001.npz").is_file():
@@ -323,6 +326,12 @@ def check_folders(args, header, poses):
         if args.controls:
             for what, changed in controls(truth):
                 results.append(check(f"DeepMIMO's scenario: {what} off is noticed", lambda: fails(lambda: check_deepmimo(args.deepmimo, changed))))
+    for folder in args.qd:
+        truth = links(args.links)
+        results.append(check(f"{folder.name}: Q-D files by their format", lambda folder=folder: check_qd(folder, truth)))
+        if args.controls:
+            for what, changed in qd_controls(truth):
+                results.append(check(f"{folder.name}: {what} off is noticed", lambda: fails(lambda: check_qd(folder, changed))))
     return results
 
 

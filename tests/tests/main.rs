@@ -53,6 +53,7 @@ mod lpips;
 #[cfg(feature = "slow")]
 mod masks;
 mod mitsuba;
+mod network_traces;
 #[cfg(feature = "slow")]
 mod predictions;
 #[cfg(feature = "slow")]
