@@ -4,6 +4,7 @@
 
 mod common;
 
+mod archives;
 #[cfg(all(unix, feature = "slow"))]
 mod array;
 mod bad_input;
@@ -58,6 +59,7 @@ mod network_traces;
 mod predictions;
 #[cfg(feature = "slow")]
 mod protocols;
+mod publish;
 mod questions;
 #[cfg(feature = "slow")]
 mod report;
