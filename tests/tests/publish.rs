@@ -1,4 +1,5 @@
-//! `corf dataset publish`: the same bytes each time, whole or not at all, with nothing made up. `tools/check_publication.py` has other programs open it.
+//! `corf dataset publish`: the same bytes each time, whole or not at all, with nothing made up.
+//! `tools/check_publication.py` has other programs open it.
 
 use crate::common::*;
 use corf_scene::dataset::Dataset;

@@ -223,8 +223,8 @@ fn lost_in_splat(degree: usize, antialiased: bool) -> Vec<String> {
 }
 
 /// What goes lost where another program makes these formats of a run's coupled.ply.
-const ONE_MODALITY: &str = "one modality alone: .spz, .sog and compressed.ply hold no further columns, so that of a run's coupled.ply, too, they would \
-                            keep light and lose radio; export --field rf into a file of its own";
+const ONE_MODALITY: &str = "one modality alone: .spz, .sog and compressed.ply hold no further columns, so that of a run's coupled.ply, too, they \
+                            would keep light and lose radio; export --field rf into a file of its own";
 
 /// What `.spz` could not hold of a field.
 fn lost_in_spz(clamped: SpzClamped, appearance: &Appearance) -> Option<String> {

@@ -57,7 +57,8 @@ pub enum Bench {
     Radio(radio::Radio),
     /// Put the records of a comparison into one file, with its tables, as results are published.
     Pack(Pack),
-    /// Put a finished comparison into one archive: plan, records, tables, report and environment, which `corf bench collect` writes again byte for byte.
+    /// Put a finished comparison into one archive of plan, records, tables, report and environment, which `corf bench collect` writes again byte for
+    /// byte.
     Publish(publish::Publish),
     /// Measure training steps, stage by stage, beside the least time their bytes and operations take.
     Step(step::Step),

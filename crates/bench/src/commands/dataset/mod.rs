@@ -29,7 +29,8 @@ pub enum DatasetCommand {
     Import(Box<Import>),
     /// Write keyframes for programs that read neither EXR nor COLMAP.
     Export(Export),
-    /// Write a dataset as data sets are published: Parquet shards with a Hugging Face card, Croissant metadata with hashes, licence, citation, contact sheet.
+    /// Write a dataset as data sets are published: Parquet shards with a Hugging Face card, Croissant metadata with hashes, licence, citation, contact
+    /// sheet.
     Publish(Box<Publish>),
     /// Play a dataset back into a live folder, keyframe after keyframe, for `corf reconstruct --follow`.
     Play(Play),

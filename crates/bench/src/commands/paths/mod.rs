@@ -81,7 +81,8 @@ pub struct Paths {
     /// Output: paths with link statistics, Sionna RT's arrays, DeepMIMO's matrices, or a scenario that DeepMIMO or ns-3 loads.
     #[arg(long, value_enum, default_value_t = Format::Json)]
     format: Format,
-    /// Output file; without it, standard output. `.npz` for `npz` and, if wished, `sionna`; a new folder for `deepmimo`, the scenario's name, `qd` and `qd-json`.
+    /// Output file; without it, standard output. `.npz` for `npz` and, if wished, `sionna`; a new folder for `deepmimo`, the scenario's name, `qd` and
+    /// `qd-json`.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
 }

@@ -236,8 +236,8 @@ fn read_colours(path: &Path, camera: &Pinhole) -> Result<Raster<[f32; 3]>> {
     Ok(image.map(|p| p.map(|v| f32::from(v) / 65535.0)))
 }
 
-/// Share of the distance from matplotlib's Jet at which a picture is in the other one, and that distance, rms of full scale, at least: eight bits alone are
-/// off by 0.002, and what a field draws lies off both.
+/// A picture is in the other Jet where it lies this many times as far off that as off matplotlib's at most, and off the latter (rms of full scale) by
+/// this much at least: eight bits alone are off by 0.002, and what a field draws lies off both.
 const OTHER_JET: (f64, f64) = (0.5, 4.0 / 255.0);
 
 /// Whether the colours of a picture are those of OpenCV's and MATLAB's Jet rather than matplotlib's.
@@ -255,8 +255,8 @@ fn read_jet(path: &Path, camera: &Pinhole) -> Result<Raster<[f32; 3]>> {
     let image = read_colours(path, camera)?;
     ensure!(
         !is_other_jet(&image),
-        "{}: it is painted in the Jet of OpenCV and MATLAB, and the data set's pictures are in matplotlib's\n  help: the two differ by up to 33 of 255, and read as the \
-         other a level is off by 9: paint it as matplotlib does, or give linear/ or scalar/",
+        "{}: it is painted in the Jet of OpenCV and MATLAB, and the data set's pictures are in matplotlib's\n  help: their colours differ by up to 33 of \
+         255, and read as the other a level is off by 9: paint it as matplotlib does, or give linear/ or scalar/",
         path.display()
     );
     // No Jet colour is grey.

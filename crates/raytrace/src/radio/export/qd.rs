@@ -1,4 +1,4 @@
-//! A link along a way as a scenario of quasi-deterministic (Q-D) channels, as NIST's Q-D channel realization software writes them and ns-3 reads them.
+//! A link along a way as a scenario of quasi-deterministic (Q-D) channels, as NIST's Q-D channel realization software writes and ns-3 reads them.
 //!
 //! ```text
 //! Input/paraCfgCurrent.txt                     numberOfTimeDivisions, totalTimeDuration s, carrierFrequency Hz; parted by tabs
