@@ -78,6 +78,9 @@ def check_deepmimo(folder, truth):
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         loaded = deepmimo.load(folder.name, max_paths=most)
         deepmimo.summary(folder.name)
+        # Names are read in small letters, and with them absolute paths.
+        capitals = deepmimo.load(folder.name.upper(), max_paths=most)
+    insist(type(capitals) is type(loaded), "a name in capitals is another scenario")
     transmitters = list(loaded.datasets) if isinstance(loaded, deepmimo.MacroDataset) else [loaded]
     insist(len(truth) % len(transmitters) == 0, f"{len(truth)} links of {len(transmitters)} transmitters")
     worst = {"dB": 0.0, "s": 0.0, "deg": 0.0, "of the amplitudes": 0.0, "m": 0.0, "Hz": 0.0}
@@ -86,6 +89,7 @@ def check_deepmimo(folder, truth):
         insist(data.n_ue == len(users), f"{data.n_ue} users instead of {len(users)}")
         check_paths(data, users, worst)
         check_response(deepmimo, data, users, worst)
+        check_taps(deepmimo, data, users, worst)
         check_scene(data, users, worst)
         check_motion(data, users, worst)
     limits = (POWER_TOLERANCE_DB, DELAY_TOLERANCE_S, ANGLE_TOLERANCE_DEG, CHANNEL_TOLERANCE, SURFACE_TOLERANCE_M, DOPPLER_TOLERANCE_HZ)
@@ -149,6 +153,23 @@ def check_response(deepmimo, data, users, worst):
         gain = link.get("channel", {}).get("path_gain_coherent_db")
         if gain is not None:
             worst["dB"] = max(worst["dB"], abs(float(loss[user]) + gain))
+
+
+def check_taps(deepmimo, data, users, worst):
+    """In time, a coefficient a path: what the response over a band is divided by, its taps are not."""
+    import numpy as np
+
+    one = {"shape": np.array([1, 1])}
+    parameters = deepmimo.ChannelParameters(bs_antenna=dict(one), ue_antenna=dict(one), freq_domain=False)
+    parameters.ofdm.subcarriers, parameters.ofdm.selected_subcarriers = 512, np.arange(512)
+    parameters.num_paths = data.power.shape[1]
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        channel = data.compute_channels(parameters)
+    for user, link in enumerate(users):
+        ours = np.sort([abs(complex(*p["a"])) for p in link["paths"]])
+        theirs = np.sort(np.abs(channel[user, 0, 0][: len(ours)]))
+        if len(ours):
+            worst["of the amplitudes"] = max(worst["of the amplitudes"], np.abs(ours - theirs).max() / ours.sum())
 
 
 def check_scene(data, users, worst):

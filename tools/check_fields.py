@@ -11,7 +11,8 @@
 - splat-transform (PlayCanvas, with Niantic's own reader of .spz) reads every file and writes a PLY, in which plyfile finds the run's positions, sizes,
   opacities, covariances and colours again, turned as `file_from_world` says and within the format's steps. Colours are compared towards random directions by
   this file's own spherical harmonics, so that a wrong turn of the harmonics would show;
-- splat-transform makes a .sog of the `sog-ready-ply` and reads it back, which keeps every Gaussian and its place.
+- splat-transform makes a .sog of the `sog-ready-ply` and reads it back, which keeps every Gaussian and its place;
+- of `coupled.ply` it keeps no column of radio in .spz, .sog and .compressed.ply, as docs/export.md says.
 
 Exit code 0: everything agrees; 1: something does not; 2: bad input.
 """
@@ -249,6 +250,18 @@ class Checker:
         insist(worst < 5e-3, f"positions are off by {worst} m")
         print(f"        position {worst:.2g} m")
 
+    def coupled(self):
+        """Radio's half of coupled.ply: what the program's documents say that these formats lose, they lose."""
+        source = self.args.run / "coupled.ply"
+        own, _ = read_ply(source)
+        of_radio = [name for name in own if name.startswith("rf_")]
+        insist(of_radio, "coupled.ply has no columns of radio")
+        for form in ("spz", "sog", "compressed.ply"):
+            columns, _ = self.through(source, form, "ply")
+            left = [name for name in columns if name.startswith("rf_")]
+            insist(len(columns["x"]) == len(own["x"]) and not left, f".{form} keeps {left}: docs/export.md says otherwise")
+        print(f"        {len(of_radio)} columns of radio, none of them in .spz, .sog and .compressed.ply")
+
 
 def main():
     args = arguments()
@@ -257,6 +270,8 @@ def main():
         for field in ("optical", "rf"):
             if (args.run / f"{field}.ply").is_file():
                 checker.field(field)
+        if args.splat_transform and (args.run / "coupled.ply").is_file():
+            checker.check("coupled.ply: radio's half is lost by splat-transform", checker.coupled)
     if not checker.results:
         print(f"{args.run} has no model")
     return 0 if checker.results and all(checker.results) else 1

@@ -4,6 +4,8 @@
     corf dataset export data/mini --to numpy --out npz
     .venv/bin/python tools/check_formats.py data/mini --run runs/a --numpy npz --controls
 
+    corf dataset publish data/mini --out pub --licence cc-by-4.0 --title 'Room: "tiny"' --author 'Doe, Jane' --author 'The Lab' --date 2026-11-29 --url https://example.org/r
+                                                                    # --publication pub, with --numpy
 and, of further exports (`tools/check_formats.sh data/mini` makes and checks them all):
 
     corf dataset export data/mini --to nerfstudio --out ns           # --nerfstudio ns
@@ -11,6 +13,7 @@ and, of further exports (`tools/check_formats.sh data/mini` makes and checks the
     corf dataset export data/mini --to nerf2 --scene scenes/lobby.toml --out nerf2         # --nerf2 nerf2
     corf paths scenes/room.toml --rx-trajectory 5 --out links.json
     corf paths scenes/room.toml --rx-trajectory 5 --format deepmimo --out room      # --deepmimo room --links links.json
+    corf paths scenes/room.toml --rx-trajectory 5 --format qd --out qd              # --qd qd --links links.json
 
 For every folder of a data set that other programs open (`optical/`, `rf/`):
 
@@ -33,7 +36,8 @@ where they are installed, and are named as skipped where they are not.
 that the metadata states is theirs.
 
 `--nerfstudio`, `--rf-3dgs`, `--nerf2`: see check_exports.py; nerfstudio's dataparser is asked as well where it is installed. `--deepmimo`: deepmimo loads the scenario and computes
-channels, which are those of the paths: see check_channels.py. Scenes have checks of their own, each with the program that reads them: check_sionna.py (Sionna RT),
+channels, which are those of the paths: see check_channels.py. `--qd`: Q-D files, as text or JSON, by a reader of their format: see check_qd.py. `--publication`: mlcroissant and datasets
+open the folder: see check_publication.py. Scenes have checks of their own, each with the program that reads them: check_sionna.py (Sionna RT),
 check_light.py (Mitsuba 3); models on gsplat's rasteriser: compare_gsplat.py.
 
 Exit code 0: everything agrees; 1: something does not; 2: bad input.
@@ -48,12 +52,21 @@ from pathlib import Path
 
 from check_channels import check_deepmimo, controls, links
 from check_exports import check_nerf2_export, check_nerfstudio_export, check_nerfstudio_reader, check_rf_3dgs_export
+from check_publication import check_croissant, check_hashes, check_huggingface, check_papers, wanted
+from check_qd import check_qd, qd_controls
 from format_rules import Failed, insist, project
 
 # Text files hold 17 digits; quaternions are normalised once more by readers.
 POSE_TOLERANCE = 1e-9
 # Points are written to a micrometre: at 0.2 m and 1500 pixels of focal length, less than this.
 PIXEL_TOLERANCE = 0.02
+# What the publication of tools/check_formats.sh says of itself.
+SAID = {
+    "licence": "cc-by-4.0",
+    "title": 'Room: "tiny"',
+    "authors": [{"family-names": "Doe", "given-names": "Jane"}, {"name": "The Lab"}],
+    "date": "2026-11-29",
+}
 # Share of points that must be found again: two surfaces of one colour cannot be told apart, a wrong camera finds next to none.
 LEAST_FOUND = 0.999
 
@@ -67,14 +80,18 @@ def arguments():
     parser.add_argument("--rf-3dgs", type=Path, help="folder of corf dataset export --to rf-3dgs; needs --numpy")
     parser.add_argument("--nerf2", type=Path, help="folder of corf dataset export --to nerf2")
     parser.add_argument("--arrays", type=Path, nargs="+", default=[], help="files of trained networks and fields, and checkpoints")
+    parser.add_argument("--publication", type=Path, help="folder of corf dataset publish with the words above; needs --numpy")
     parser.add_argument("--deepmimo", type=Path, help="folder of corf paths --format deepmimo; needs --links")
+    parser.add_argument("--qd", type=Path, nargs="+", default=[], help="folders of corf paths --format qd or qd-json; need --links")
     parser.add_argument("--links", type=Path, help="the same links of corf paths --format json")
     parser.add_argument("--controls", action="store_true", help="also make sure that shifted cameras and channels fail")
     args = parser.parse_args()
     if args.rf_3dgs and not args.numpy:
         parser.error("--rf-3dgs is checked against the spectra of --numpy")
-    if bool(args.deepmimo) != bool(args.links):
-        parser.error("--deepmimo and --links belong together")
+    if args.publication and not args.numpy:
+        parser.error("--publication is checked against the spectra of --numpy")
+    if bool(args.deepmimo or args.qd) != bool(args.links):
+        parser.error("--deepmimo or --qd and --links belong together")
     if not (args.dataset / "dataset.json").is_file():
         parser.error(f"{args.dataset} holds no dataset.json")
     if args.numpy and not (args.numpy / "00001.npz").is_file():
@@ -323,6 +340,28 @@ def check_folders(args, header, poses):
         if args.controls:
             for what, changed in controls(truth):
                 results.append(check(f"DeepMIMO's scenario: {what} off is noticed", lambda: fails(lambda: check_deepmimo(args.deepmimo, changed))))
+    for folder in args.qd:
+        truth = links(args.links)
+        results.append(check(f"{folder.name}: Q-D files by their format", lambda folder=folder: check_qd(folder, truth)))
+        if args.controls:
+            for what, changed in qd_controls(truth):
+                results.append(check(f"{folder.name}: {what} off is noticed", lambda: fails(lambda: check_qd(folder, changed))))
+    return results
+
+
+def check_publication(args):
+    folder, truth = args.publication, wanted(args.dataset, args.numpy)
+    results = [
+        check("publication by mlcroissant", lambda: check_croissant(folder, truth)),
+        check("publication by Hugging Face's datasets", lambda: check_huggingface(folder, truth)),
+        check("publication: hashes", lambda: check_hashes(folder, args.dataset)),
+        check("publication: card and citation", lambda: check_papers(folder, SAID)),
+    ]
+    if args.controls:
+        shifted = wanted(args.dataset, args.numpy, shift=1)
+        results.append(check("publication: poses of other keyframes are noticed", lambda: fails(lambda: check_croissant(folder, shifted))))
+        results.append(check("publication: the same by datasets", lambda: fails(lambda: check_huggingface(folder, shifted))))
+        results.append(check("publication: another licence is noticed", lambda: fails(lambda: check_papers(folder, {**SAID, "licence": "odbl"}))))
     return results
 
 
@@ -395,6 +434,8 @@ def main():
     for path in args.arrays:
         results.append(check(f"{path.name} by safetensors", lambda path=path: check_arrays(path, args.controls)))
     results += check_folders(args, header, poses)
+    if args.publication:
+        results += check_publication(args)
     return 0 if all(results) else 1
 
 

@@ -18,11 +18,13 @@ from pathlib import Path
 
 import book
 import check_page
+import check_qd
 import check_view
 import compare_devices
 import compare_gsplat
 import digests
 import fetch_weights
+from format_rules import Failed
 
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -252,6 +254,31 @@ class FetchWeights(unittest.TestCase):
         self.assertNotIn("classifier.1.weight", found)
         with self.assertRaises(KeyError):
             fetch_weights.squeeze_tensors({}, heads)
+
+
+class CheckQd(unittest.TestCase):
+    """The reader of Q-D files."""
+
+    def steps(self, text):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        file = Path(folder.name) / "Tx0Rx1.txt"
+        file.write_text(text)
+        return check_qd.text_steps(file)
+
+    def test_steps_have_seven_lines_or_none(self):
+        seven = "\n".join(f"{row},{row}5" for row in range(7))
+        read = self.steps(f"0\n2\n{seven}\n0\n")
+        self.assertEqual(read, [[], [[float(row) for row in range(7)], [float(f"{row}5") for row in range(7)]], []])
+        for broken in (f"2\n{seven}", "1\n1,2\n" + "1\n" * 6, "1\n1\n"):
+            with self.assertRaises((Failed, ValueError)):
+                self.steps(broken)
+
+    def test_directions_are_from_the_pole(self):
+        self.assertEqual(check_qd.direction(0, 0), (0.0, 0.0, 1.0))
+        self.assertAlmostEqual(check_qd.direction(90, 270)[1], -1.0)
+        with self.assertRaises(Failed):
+            check_qd.direction(90, 360)
 
 
 class Links(unittest.TestCase):

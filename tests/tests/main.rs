@@ -4,6 +4,7 @@
 
 mod common;
 
+mod archives;
 #[cfg(all(unix, feature = "slow"))]
 mod array;
 mod bad_input;
@@ -54,10 +55,12 @@ mod lpips;
 #[cfg(feature = "slow")]
 mod masks;
 mod mitsuba;
+mod network_traces;
 #[cfg(feature = "slow")]
 mod predictions;
 #[cfg(feature = "slow")]
 mod protocols;
+mod publish;
 mod questions;
 #[cfg(feature = "slow")]
 mod report;

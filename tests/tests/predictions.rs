@@ -60,6 +60,10 @@ fn observed(folder: &Path, kinds: &[&str]) {
                 "scalar16" => ("scalar", encode_png16(&scalar.map(|&s| (s * 65535.0).round() as u16)).unwrap()),
                 "scalar8" => ("scalar", corf_scene::io::encode_png(&scalar.map(|&s| [color::quantize8(s); 3])).unwrap()),
                 "jet" => ("jet", corf_scene::io::encode_png(&range.jet_image(&spectrum)).unwrap()),
+                "opencv" => {
+                    let painted = scalar.map(|&s| color::jet_of_trapezoids(s).map(color::quantize8));
+                    ("jet", corf_scene::io::encode_png(&painted).unwrap())
+                }
                 other => panic!("{other}"),
             };
             let ending = if ["exr", "npy"].contains(kind) { kind } else { "png" };
@@ -231,6 +235,10 @@ fn what_is_wrong_with_a_folder_is_said_with_the_file_and_what_to_do() {
     observed(mixed.path(), &["scalar8"]);
     fs::rename(mixed.path().join("scalar"), mixed.path().join("jet")).unwrap();
     refused(mixed.path(), &["00001.png", "is grey", "scalar/"]);
+    // matplotlib's Jet is not OpenCV's.
+    let other_jet = tempfile::tempdir().unwrap();
+    observed(other_jet.path(), &["opencv"]);
+    refused(other_jet.path(), &["00001.png", "Jet of OpenCV and MATLAB", "as matplotlib does"]);
     // Flags that mean nothing together.
     corf_refuses(&["evaluate"], &["nothing to evaluate", "--predictions"]);
     corf_refuses(&["evaluate", "--predictions", text(folder.path())], &["--dataset"]);

@@ -25,6 +25,7 @@ pub mod files;
 pub mod live;
 pub mod methods;
 pub mod metrics;
+pub mod publish;
 pub mod radio_link;
 pub mod record;
 pub mod render;

@@ -116,6 +116,41 @@ mod tests {
     }
 
     #[test]
+    fn jet_is_matplotlibs() {
+        // matplotlib 3.11, matplotlib.colormaps["jet"](level, bytes=True), R G B: eight bits are cut there.
+        for (level, rgb) in [
+            (0u8, [0, 0, 127]),
+            (16, [0, 0, 200]),
+            (64, [0, 128, 255]),
+            (90, [2, 232, 244]),
+            (96, [21, 255, 225]),
+            (128, [124, 255, 121]),
+            (160, [228, 255, 18]),
+            (191, [255, 152, 0]),
+            (224, [255, 29, 0]),
+            (255, [127, 0, 0]),
+        ] {
+            for (own, other) in jet(f32::from(level) / 255.0).iter().zip(rgb) {
+                assert!((-0.01..1.01).contains(&(255.0 * own - other as f32)), "{level}: {own}");
+            }
+        }
+    }
+
+    #[test]
+    fn read_as_the_other_jet_a_level_is_off_by_nine_of_255() {
+        let (mut colours, mut levels) = (0.0_f32, [0.0_f32; 2]);
+        for i in 0..=255 {
+            let level = i as f32 / 255.0;
+            let (ours, theirs) = (jet(level), jet_of_trapezoids(level));
+            (0..3).for_each(|c| colours = colours.max(255.0 * (ours[c] - theirs[c]).abs()));
+            levels[0] = levels[0].max(255.0 * (scalar_from_jet(theirs) - level).abs());
+            levels[1] = levels[1].max(255.0 * (scalar_from_jet_of_trapezoids(ours) - level).abs());
+        }
+        assert_eq!(colours.round(), 33.0);
+        assert!(levels.iter().all(|off| (8.0..=9.5).contains(off)), "{levels:?}");
+    }
+
+    #[test]
     fn the_jet_of_trapezoids_is_opencvs() {
         // OpenCV 5.0, cv2.applyColorMap(COLORMAP_JET), R G B at these levels of 255.
         for (level, rgb) in [

@@ -3,6 +3,7 @@
 use super::{Verdict, show};
 use crate::files::separation::{Reads, keep_apart};
 use crate::methods::abilities;
+use crate::note;
 use crate::run::RunInfo;
 use crate::run::open;
 use anyhow::{Context, Result, bail, ensure};
@@ -10,7 +11,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use corf::device::Modality;
 use corf::files::export::{Frame, SpzClamped, encode_splat, encode_spz, turned};
 use corf::files::ply::{self, SingleModality};
-use corf::{Field, RadioTarget};
+use corf::{Appearance, Field, RadioTarget};
 use corf_scene::io::write_atomic;
 use corf_scene::keyframe::DbRange;
 use serde_json::json;
@@ -155,8 +156,11 @@ impl Export {
                 let (bytes, clamped) = encode_spz(&gaussians, notes.is_antialiased())
                     .with_context(|| format!("{} is not written", self.out.display()))?;
                 write_atomic(&self.out, &bytes)?;
-                said.extend(lost_in_spz(clamped));
+                said.extend(lost_in_spz(clamped, &gaussians.appearance));
             }
+        }
+        if matches!(self.to, Form::Spz | Form::SogReadyPly) {
+            said.push(ONE_MODALITY.to_owned());
         }
         let columns = frame.file_from_world().transpose().to_cols_array_2d();
         let count = gaussians.position.len();
@@ -166,8 +170,8 @@ impl Export {
             Frame::YUp => "turned so that y is up: (x, y, z) of the world is (x, z, -y), metres".to_owned(),
         };
         let sh_degree = if self.to == Form::Splat { 0 } else { gaussians.appearance.sh_degree };
-        let mut text = format!("{count} Gaussians of harmonic degree {sh_degree} in {}\n{axes}", self.out.display());
-        said.iter().for_each(|s| text += &format!("\n{s}"));
+        let text = format!("{count} Gaussians of harmonic degree {sh_degree} in {}\n{axes}", self.out.display());
+        said.iter().for_each(|word| note!("{word}"));
         let value = json!({
             "out": self.out, "format": self.to.name(), "gaussians": count, "sh_degree": sh_degree,
             "file_from_world": columns, "antialiased": notes.is_antialiased(), "offset_m": offset_m, "notes": said,
@@ -218,11 +222,37 @@ fn lost_in_splat(degree: usize, antialiased: bool) -> Vec<String> {
     said
 }
 
-fn lost_in_spz(clamped: SpzClamped) -> Option<String> {
+/// What goes lost where another program makes these formats of a run's coupled.ply.
+const ONE_MODALITY: &str = "one modality alone: .spz, .sog and compressed.ply hold no further columns, so that of a run's coupled.ply, too, they \
+                            would keep light and lose radio; export --field rf into a file of its own";
+
+/// What `.spz` could not hold of a field.
+fn lost_in_spz(clamped: SpzClamped, appearance: &Appearance) -> Option<String> {
     let SpzClamped { colors, scales, harmonics } = clamped;
     (clamped != SpzClamped::default()).then(|| {
+        let higher = || appearance.sh.chunks_exact(appearance.stride()).flat_map(|sh| &sh[appearance.channels..]);
+        let largest = higher().fold(0.0_f32, |most, v| most.max(v.abs()));
         format!(
-            "beyond the format's range, and set to its end: {colors} colours, {scales} scales, {harmonics} higher coefficients"
+            "beyond the format's range, and set to its end: {colors} colours, {scales} scales, {harmonics} of {} higher coefficients (f_rest, beyond \
+             ±1; the largest is {largest:.2})",
+            higher().count()
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_spz_cannot_hold_is_said_with_its_size() {
+        let mut appearance = Appearance::empty(3, 1);
+        appearance.sh = vec![9.0, 0.0, 0.0, 0.5, -1.75, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.5];
+        let said = lost_in_spz(SpzClamped { colors: 1, scales: 0, harmonics: 2 }, &appearance).unwrap();
+        assert!(
+            said.contains("1 colours, 0 scales, 2 of 9 higher coefficients") && said.contains("the largest is 1.75"),
+            "{said}"
+        );
+        assert_eq!(lost_in_spz(SpzClamped::default(), &appearance), None);
+    }
 }

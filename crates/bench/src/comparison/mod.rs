@@ -1,4 +1,5 @@
 //! What an experiment comes to: its tables and report, and constants chosen on validation keyframes.
 
+pub mod archive;
 pub mod suite;
 pub mod sweep;

@@ -108,6 +108,11 @@ impl Dataset {
         self.file.files.values().any(|record| record.sha256 == sha256)
     }
 
+    /// The program that wrote it, with its version.
+    pub fn generator(&self) -> &str {
+        &self.file.generator
+    }
+
     /// Number of keyframes.
     pub fn len(&self) -> usize {
         self.file.keyframes
@@ -255,6 +260,19 @@ impl Dataset {
     pub fn files_of(&self, index: usize) -> Result<[Option<PathBuf>; 3]> {
         let path = |name: String| self.file.files.contains_key(&name).then(|| own_file(&self.dir, &name)).transpose();
         Ok([path(layout::image(index))?, path(layout::spectrum(index))?, path(layout::depth(index))?])
+    }
+
+    /// Every file that dataset.json lists, all but itself: path below the folder with forward slashes, bytes, SHA-256; by path.
+    pub fn listed_files(&self) -> impl Iterator<Item = (&str, u64, &str)> {
+        self.file.files.iter().map(|(path, record)| (path.as_str(), record.bytes, record.sha256.as_str()))
+    }
+
+    /// A file of the dataset by its path below the folder: dataset.json or one that it lists.
+    ///
+    /// # Errors
+    /// A file that is no regular file of the dataset.
+    pub fn own_file(&self, path: &str) -> Result<PathBuf> {
+        own_file(&self.dir, path)
     }
 
     /// Which pixels of the image of keyframe `index` count; none where all do.

@@ -1,7 +1,7 @@
 //! `corf bench plan`, `cell`, `submit` and `collect`: a comparison's cells run apart.
 
 use super::super::{Verdict, show};
-use crate::comparison::suite;
+use crate::comparison::{archive, suite};
 use crate::device::DeviceChoice;
 use crate::experiment::cells;
 use crate::experiment::cluster::{Planned, local, slurm};
@@ -11,9 +11,10 @@ use crate::metrics::input::Verify;
 use crate::metrics::lpips::LpipsOption;
 use crate::note;
 use crate::record::{Outcome, Record};
-use crate::run::{claim_output, claim_shared};
+use crate::run::{claim_fresh, claim_output, claim_shared};
 use anyhow::Result;
 use clap::Args;
+use corf_scene::Error;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -77,8 +78,14 @@ pub struct Submit {
 /// `corf bench collect`.
 #[derive(Args)]
 pub struct Collect {
-    /// Folder of `corf bench plan`.
+    /// Folder of `corf bench plan`, or an archive of `corf bench publish`.
     folder: PathBuf,
+    /// Of an archive: the data set that it was made with.
+    #[arg(long, value_name = "FOLDER")]
+    dataset: Option<PathBuf>,
+    /// Of an archive: the new folder in which records are put and tables and report are written again; exit 1 where these differ from the archive's.
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
     #[command(flatten)]
     verify: Verify,
 }
@@ -142,7 +149,7 @@ impl Submit {
         let planned = Planned::read(&self.folder)?;
         if let Some(at_once) = self.local {
             let failed = local::run(&planned, at_once.into(), self.device, !self.verify.wanted())?;
-            let collected = Collect { folder: self.folder, verify: self.verify }.run(as_json)?;
+            let collected = Collect::of(self.folder, self.verify).run(as_json)?;
             return Ok(if failed > 0 { Verdict::CheckFailed } else { collected });
         }
         let options = slurm::Options {
@@ -154,7 +161,7 @@ impl Submit {
         match slurm::submit(&planned, &options)? {
             None => {
                 note!("every cell is finished; nothing was submitted");
-                Collect { folder: self.folder, verify: self.verify }.run(as_json)
+                Collect::of(self.folder, self.verify).run(as_json)
             }
             Some(jobs) => {
                 let text = format!(
@@ -174,11 +181,55 @@ impl Submit {
 }
 
 impl Collect {
+    fn of(folder: PathBuf, verify: Verify) -> Self {
+        Self { folder, dataset: None, out: None, verify }
+    }
+
+    /// Writes the results of an archive again.
+    fn rebuild(&self, as_json: bool) -> Result<Verdict> {
+        let (Some(dataset), Some(out)) = (&self.dataset, &self.out) else {
+            let help = "give --dataset FOLDER, the data set that it was made with, and --out FOLDER, where to put it";
+            return Err(
+                Error::invalid(self.folder.display().to_string(), "an archive holds no data set and is no folder", help).into()
+            );
+        };
+        keep_apart("--out", out, &[Reads::File(&self.folder), Reads::Folder(dataset)])?;
+        let dataset = self.verify.open(dataset)?.dataset;
+        let fresh = claim_fresh(out)?;
+        let rebuilt = archive::rebuild(&self.folder, &dataset, fresh.path())?;
+        fresh.finish()?;
+        let same = rebuilt.differing.is_empty();
+        let text = if same {
+            format!(
+                "{} records in {}, tables and report byte for byte those of the archive",
+                rebuilt.records.len(),
+                out.display()
+            )
+        } else {
+            format!("{} differ from the archive, which {} wrote", rebuilt.differing.join(", "), rebuilt.written_by)
+        };
+        show(
+            as_json,
+            &json!({ "records": rebuilt.records.len(), "differing": rebuilt.differing, "written_by": rebuilt.written_by }),
+            &text,
+        )?;
+        Ok(if same { Verdict::of(&rebuilt.records) } else { Verdict::CheckFailed })
+    }
+
     /// Runs the command.
     ///
     /// # Errors
-    /// A folder without a list of cells, or with a damaged record.
+    /// A folder without a list of cells, or with a damaged record; an archive that is damaged.
     pub fn run(self, as_json: bool) -> Result<Verdict> {
+        if self.folder.is_file() {
+            return self.rebuild(as_json);
+        }
+        if self.dataset.is_some() || self.out.is_some() {
+            let help = "leave --dataset and --out out: a folder of `corf bench plan` has both, or give an archive";
+            return Err(
+                Error::invalid(self.folder.display().to_string(), "it is no archive of `corf bench publish`", help).into()
+            );
+        }
         let planned = Planned::read(&self.folder)?;
         let input = planned.open(self.verify)?;
         let _held = claim_shared(&self.folder)?;

@@ -5,6 +5,7 @@ mod cells;
 mod light;
 mod network;
 mod paper;
+mod publish;
 mod radio;
 mod scale;
 mod step;
@@ -41,7 +42,7 @@ pub enum Bench {
     Cell(CellCommand),
     /// Run the unfinished cells of a list: as a Slurm job array with a collecting job, or several at once on this machine.
     Submit(Submit),
-    /// Write tables and report from the records of a list's cells; cells without one are failed cells.
+    /// Write tables and report from the records of a list's cells, of which those without one are failed cells; or again from an archive.
     Collect(Collect),
     /// Compare changes of a method's constants on the validation keyframes of several datasets.
     Sweep(SweepCommand),
@@ -57,6 +58,9 @@ pub enum Bench {
     Radio(radio::Radio),
     /// Put the records of a comparison into one file, with its tables, as results are published.
     Pack(Pack),
+    /// Put a finished comparison into one archive of plan, records, tables, report and environment, which `corf bench collect` writes again byte for
+    /// byte.
+    Publish(publish::Publish),
     /// Measure training steps, stage by stage, beside the least time their bytes and operations take.
     Step(step::Step),
     /// Measure the networks of the baselines NeRF² and WRF-GS+: a layer's matrix products and whole steps, beside the device's peak.
@@ -174,6 +178,7 @@ impl Bench {
             Self::Report(c) => c.run(json),
             Self::Paper(c) => c.run(json),
             Self::Pack(c) => c.run(json),
+            Self::Publish(c) => c.run(json),
             Self::Light(c) => c.run(json),
             Self::Radio(c) => c.run(json),
             Self::Step(c) => c.run(json),

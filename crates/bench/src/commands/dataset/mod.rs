@@ -1,12 +1,14 @@
-//! `corf dataset`: generate, import, export, play and check keyframe datasets.
+//! `corf dataset`: generate, import, export, publish, play and check keyframe datasets.
 
 mod export;
 mod import;
 mod play;
+mod publish;
 
 use self::export::Export;
 use self::import::Import;
 use self::play::Play;
+use self::publish::Publish;
 use super::assignments::DatasetKeys;
 use super::{Verdict, print, show};
 use crate::device::DeviceChoice;
@@ -17,7 +19,7 @@ use corf_scene::Severity;
 use corf_scene::dataset::{self, Dataset};
 use std::path::PathBuf;
 
-/// Generate, import, export, play or check a keyframe dataset.
+/// Generate, import, export, publish, play or check a keyframe dataset.
 #[derive(Subcommand)]
 pub enum DatasetCommand {
     /// Trace a scene in light and at 60 GHz at every pose of its trajectory.
@@ -27,6 +29,9 @@ pub enum DatasetCommand {
     Import(Box<Import>),
     /// Write keyframes for programs that read neither EXR nor COLMAP.
     Export(Export),
+    /// Write a dataset as data sets are published: Parquet shards with a Hugging Face card, Croissant metadata with hashes, licence, citation, contact
+    /// sheet.
+    Publish(Box<Publish>),
     /// Play a dataset back into a live folder, keyframe after keyframe, for `corf reconstruct --follow`.
     Play(Play),
     /// Check a dataset: hashes, sizes, poses, and the rules of the tools that read it; exit 1 when one is broken.
@@ -76,6 +81,7 @@ impl DatasetCommand {
             Self::Generate(c) => c.run(json),
             Self::Import(c) => c.run(json),
             Self::Export(c) => c.run(json),
+            Self::Publish(c) => c.run(json),
             Self::Play(c) => c.run(json),
             Self::Validate { folder, strict } => {
                 let findings = dataset::validate(&folder)?;

@@ -1,6 +1,7 @@
 //! `corf paths`: propagation paths between points, what a link makes of them, and their export.
 
 mod link_table;
+mod qd;
 mod scenario;
 
 use self::link_table::Form;
@@ -76,12 +77,15 @@ pub struct Paths {
     /// Subcarriers of the frequency response.
     #[arg(long, value_name = "N", default_value_t = 64, requires = "bandwidth")]
     subcarriers: usize,
-    /// Output: paths with link statistics, a table of links, Sionna RT's arrays, DeepMIMO's matrices, or a scenario that DeepMIMO loads. Without it
-    /// the ending of --out says: `.csv` and `.npz` are a table, all else is json.
+    /// Of qd and qd-json: seconds from one receiver to the next, which are one that moves. Along a trajectory its speed says them.
+    #[arg(long, value_name = "SECONDS", conflicts_with = "rx_trajectory")]
+    interval: Option<f64>,
+    /// Output: paths with link statistics, a table of links, Sionna RT's arrays, DeepMIMO's matrices, or a scenario that DeepMIMO or ns-3 loads.
+    /// Without it the ending of --out says: `.csv` and `.npz` are a table, all else is json.
     #[arg(long, value_enum)]
     format: Option<Format>,
     /// Output file; without it, standard output. `.csv` or `.npz` for `table`, `.npz` for `npz` and, if wished, `sionna`; a new folder for
-    /// `deepmimo`, the scenario's name.
+    /// `deepmimo`, the scenario's name, `qd` and `qd-json`.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
 }
@@ -118,6 +122,11 @@ enum Format {
     Npz,
     /// A scenario folder of DeepMIMO 4, which forms channels of it: paths of single elements with their first ports, the scene, its materials.
     Deepmimo,
+    /// A scenario folder of NIST's quasi-deterministic channels, which ns-3's models of 802.11ad and ay read: the receivers, in their order, are one
+    /// that moves.
+    Qd,
+    /// The same with one object a line, as newer versions of NIST's programs have it.
+    QdJson,
 }
 
 /// Result of tracing: paths and diffuse arrivals of each link.
@@ -136,6 +145,13 @@ impl Paths {
         let format = self.format.unwrap_or(if form.is_some() { Format::Table } else { Format::Json });
         if format == Format::Deepmimo {
             return self.scenario();
+        }
+        if let Some(form) = format.qd() {
+            return self.way(form);
+        }
+        if self.interval.is_some() {
+            let help = "leave it out, or choose --format qd or qd-json";
+            return Err(Error::invalid("--interval", "receivers are places here, and have no time", help).into());
         }
         let archive = form == Some(Form::Npz);
         let table = (format == Format::Table).then(|| Form::of_output(self.out.as_deref())).transpose()?;
@@ -192,8 +208,10 @@ impl Paths {
             Format::Table => self.table(&setup, &traced, table.unwrap_or(Form::Csv))?,
             Format::Sionna if archive => encode_npz(&sionna_arrays(&traced.set))?,
             Format::Sionna => serde_json::to_string(&sionna_json(&traced.set))?.into_bytes(),
-            // A scenario is a folder, written above.
-            Format::Npz | Format::Deepmimo => encode_npz(&self.deepmimo(&setup, &traced, subcarriers))?,
+            // Scenarios are folders, written above.
+            Format::Npz | Format::Deepmimo | Format::Qd | Format::QdJson => {
+                encode_npz(&self.deepmimo(&setup, &traced, subcarriers))?
+            }
         };
         match &self.out {
             Some(path) => io::write_atomic(path, &bytes)?,
@@ -216,7 +234,7 @@ impl Paths {
         }
         let mut setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
         setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
-        scenario::check(&setup)?;
+        scenario::check(&setup, "DeepMIMO", "compute_channels the shape: bs_antenna, ue_antenna")?;
         let folder = claim_fresh(out)?;
         let traced = self.trace(&setup, &DiffuseSettings::default(), Format::Deepmimo)?;
         scenario::write(&setup, &traced.set, folder.path())?;

@@ -1,4 +1,4 @@
-//! `corf paths --format deepmimo`: a folder that DeepMIMO loads.
+//! `corf paths --format deepmimo`: a folder that DeepMIMO loads. What it cannot hold, no other program's scenario can.
 
 use crate::note;
 use crate::radio_link::LinkSetup;
@@ -24,11 +24,11 @@ pub(in crate::commands) fn name(out: Option<&Path>) -> Result<&Path> {
     Ok(out)
 }
 
-/// Refuses what a scenario cannot hold.
+/// Refuses what the scenario of a program, `reader`, cannot hold; `shape` says how it is told of an array.
 ///
 /// # Errors
-/// Scattered power, which has no coefficient; arrays, which DeepMIMO forms itself.
-pub(in crate::commands) fn check(setup: &LinkSetup) -> Result<()> {
+/// Scattered power, which has no coefficient; arrays, which the program forms itself.
+pub(in crate::commands) fn check(setup: &LinkSetup, reader: &str, shape: &str) -> Result<()> {
     if setup.link.diffuse {
         let help = "leave diffuse out, or choose --format json, or npz with a --bandwidth: its `channel` has all power";
         return Err(Error::invalid("--diffuse", "scattered power has no coefficient that a scenario could hold", help).into());
@@ -36,8 +36,8 @@ pub(in crate::commands) fn check(setup: &LinkSetup) -> Result<()> {
     let arrays = setup.transmitters.iter().map(|tx| ("transmitter", &tx.array)).chain([("receiver", &setup.rx_array)]);
     for (end, array) in arrays {
         if array.grid.rows * array.grid.columns > 1 {
-            let what = "DeepMIMO forms arrays itself, of the paths between single elements";
-            let help = "leave rows and cols out, and give compute_channels the shape: bs_antenna, ue_antenna";
+            let what = format!("{reader} forms arrays itself, of the paths between single elements");
+            let help = format!("leave rows and cols out, and give {shape}");
             return Err(Error::invalid(format!("[{end}]"), what, help).into());
         }
     }
@@ -63,7 +63,9 @@ pub(in crate::commands) fn write(setup: &LinkSetup, set: &PathSet<'_>, out: &Pat
 pub(in crate::commands) fn report(set: &PathSet<'_>, out: &Path) {
     let (links, paths) = (set.links.len(), set.max_paths());
     note!(
-        "{links} links with up to {paths} paths each: deepmimo.config.set(\"scenarios_folder\", PARENT), then deepmimo.load(\"{}\", max_paths={paths})",
+        "{links} links with up to {paths} paths each: deepmimo.config.set(\"scenarios_folder\", PARENT), then deepmimo.load(\"{}\", max_paths={paths}), \
+         by name alone, for it reads an absolute path in small letters; compute_channels divides a response over N subcarriers by √N (27.1 dB at 512), \
+         and taps in time by nothing",
         out.file_name().unwrap_or_default().display()
     );
 }

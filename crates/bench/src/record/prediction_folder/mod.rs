@@ -236,8 +236,29 @@ fn read_colours(path: &Path, camera: &Pinhole) -> Result<Raster<[f32; 3]>> {
     Ok(image.map(|p| p.map(|v| f32::from(v) / 65535.0)))
 }
 
+/// A picture is in the other Jet where it lies this many times as far off that as off matplotlib's at most, and off the latter (rms of full scale) by
+/// this much at least: eight bits alone are off by 0.002, and what a field draws lies off both.
+const OTHER_JET: (f64, f64) = (0.5, 4.0 / 255.0);
+
+/// Whether the colours of a picture are those of OpenCV's and MATLAB's Jet rather than matplotlib's.
+fn is_other_jet(picture: &Raster<[f32; 3]>) -> bool {
+    let rms = |nearest: &dyn Fn([f32; 3]) -> [f32; 3]| {
+        let of_pixel = |rgb: &[f32; 3]| nearest(*rgb).iter().zip(rgb).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+        (picture.pixels().iter().map(of_pixel).sum::<f64>() / picture.pixels().len() as f64).sqrt()
+    };
+    let ours = rms(&|rgb| color::jet(color::scalar_from_jet(rgb)));
+    let theirs = rms(&|rgb| color::jet_of_trapezoids(color::scalar_from_jet_of_trapezoids(rgb)));
+    ours > OTHER_JET.1 && theirs < OTHER_JET.0 * ours
+}
+
 fn read_jet(path: &Path, camera: &Pinhole) -> Result<Raster<[f32; 3]>> {
     let image = read_colours(path, camera)?;
+    ensure!(
+        !is_other_jet(&image),
+        "{}: it is painted in the Jet of OpenCV and MATLAB, and the data set's pictures are in matplotlib's\n  help: their colours differ by up to 33 of \
+         255, and read as the other a level is off by 9: paint it as matplotlib does, or give linear/ or scalar/",
+        path.display()
+    );
     // No Jet colour is grey.
     ensure!(
         image.pixels().iter().any(|[r, g, b]| r != g || g != b),
@@ -285,4 +306,25 @@ fn read_linear(path: &Path, camera: &Pinhole, range: &DbRange, tally: &mut Tally
     );
     tally.clipped_pixels += above;
     Ok(power.map(|&v| range.scalar(v)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_other_jet_is_told_by_its_colours() {
+        let ramp = |curve: fn(f32) -> [f32; 3]| {
+            Raster::from_fn(64, 16, move |x, y| curve((x + 64 * y) as f32 / 1023.0).map(|c| (255.0 * c).round() / 255.0))
+        };
+        assert!(is_other_jet(&ramp(color::jet_of_trapezoids)) && !is_other_jet(&ramp(color::jet)));
+        // What a field draws lies off the curve: half of the way to grey.
+        let washed = |picture: Raster<[f32; 3]>| picture.map(|rgb| rgb.map(|c| 0.5 * c + 0.25));
+        assert!(!is_other_jet(&washed(ramp(color::jet))));
+        // Where both have one colour there is nothing to tell.
+        assert!(
+            !is_other_jet(&Raster::from_fn(4, 4, |_, _| [0.0, 0.0, 0.5]))
+                && !is_other_jet(&Raster::from_fn(4, 4, |_, _| [0.5; 3]))
+        );
+    }
 }

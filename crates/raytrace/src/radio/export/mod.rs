@@ -1,10 +1,12 @@
 //! Path sets as arrays under the names other tools know.
 
 mod deepmimo;
+mod qd;
 mod scenario;
 mod sionna;
 
 pub use deepmimo::deepmimo_arrays;
+pub use qd::{QdForm, qd_scenario};
 pub use scenario::deepmimo_scenario;
 pub use sionna::{sionna_arrays, sionna_json};
 
