@@ -1,11 +1,9 @@
 """Tests of the tools' own arithmetic: `python3 -m unittest discover --start-directory tools --pattern 'test_*.py'`. Nothing but Python is needed."""
 
-import itertools
-import json
-import math
 import contextlib
 import hashlib
 import io
+import itertools
 import json
 import math
 import pickle
@@ -24,6 +22,7 @@ import compare_devices
 import compare_gsplat
 import digests
 import fetch_weights
+import pictures
 from format_rules import Failed
 
 
@@ -46,6 +45,21 @@ class Index(unittest.TestCase):
         for workflow in (REPOSITORY / ".github/workflows").iterdir():
             for use in re.findall(r"uses: (\S+)", workflow.read_text()):
                 self.assertRegex(use, r"@[0-9a-f]{40}$", workflow.name)
+
+
+class Pictures(unittest.TestCase):
+    def test_each_is_there_small_shown_and_of_what_is_today(self):
+        entries = json.loads((pictures.OUT / "pictures.json").read_text())
+        self.assertEqual(list(entries), list(pictures.PICTURES))
+        files = {file.name for file in pictures.OUT.iterdir()} - {"pictures.json"}
+        self.assertEqual(files, set(pictures.PICTURES))
+        documents = "".join(file.read_text() for file in [pictures.ROOT / "README.md", *(pictures.ROOT / "docs").glob("*.md")])
+        for name, (_, shows) in pictures.PICTURES.items():
+            with self.subTest(name):
+                self.assertLess((pictures.OUT / name).stat().st_size, 400_000)
+                self.assertIn(f"pictures/{name})", documents, "no document shows it")
+                again = f"what it shows has changed: run tools/pictures.py target/release/corf --only {name}"
+                self.assertEqual(entries[name], {"shows": shows, "sha256": pictures.digest(shows)}, again)
 
 
 class Digests(unittest.TestCase):

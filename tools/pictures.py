@@ -1,0 +1,168 @@
+"""Makes the pictures of the documents anew: docs/pictures, and pictures.json there, which says of each what it shows.
+
+    cargo build --release
+    python -m venv .venv && .venv/bin/pip install pillow
+    .venv/bin/python tools/pictures.py target/release/corf [--only NAME ...]       (needs Chromium; a few minutes on two cores)
+
+Every picture is what a command made, or a page of it as a browser draws it. pictures.json keeps the hash of the files that decide what is seen (scenes,
+the viewer's page): test_tools.py fails where one of them has changed and the picture has not.
+"""
+
+import argparse
+import hashlib
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+OUT = ROOT / "docs/pictures"
+LOBBY = ["scenes/lobby.toml", "scenes/lobby.glb"]
+MINI = [*LOBBY, "scenes/lobby-mini.toml"]
+VIEWER = "crates/bench/src/viewer/assets"
+# Widest that a picture is in the documents, pixels.
+WIDTH = 1000
+
+
+def opened(file):
+    """A picture's pixels."""
+    from PIL import Image
+
+    return Image.open(file).convert("RGB")
+
+
+class Maker:
+    """Runs the command in a scratch folder; what several pictures need is made once."""
+
+    def __init__(self, corf, scratch):
+        self.corf, self.scratch, self.made = Path(corf).resolve(), Path(scratch), {}
+
+    def run(self, *arguments):
+        """The command, from the root of the repository."""
+        done = subprocess.run([str(self.corf), *map(str, arguments)], cwd=ROOT, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            sys.exit(f"corf {' '.join(map(str, arguments))}: exit code {done.returncode}\n{done.stderr}")
+
+    def once(self, name, *arguments):
+        """The folder that a command writes with --out."""
+        folder = self.scratch / name
+        if name not in self.made:
+            self.run(*arguments, "--out", folder)
+            self.made[name] = folder
+        return folder
+
+    def demo(self):
+        """The folder of the demo."""
+        return self.once("demo", "demo", "--device", "cpu")
+
+    def photograph(self, page, size, fragment=""):
+        """A page as a browser without a screen draws it."""
+        browser = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
+        if browser is None:
+            sys.exit("no Chromium on PATH\n  help: apt install chromium")
+        shot = self.scratch / "shot.png"
+        options = ["--headless=new", "--no-sandbox", "--hide-scrollbars", "--enable-unsafe-swiftshader", "--virtual-time-budget=20000"]
+        command = [browser, *options, f"--window-size={size[0]},{size[1]}", f"--screenshot={shot}", page.resolve().as_uri() + fragment]
+        subprocess.run(command, check=True, capture_output=True, timeout=300)
+        return opened(shot)
+
+
+def view(maker):
+    wide = ["optical.width=1200", "optical.height=675", "way=[0.3, 0.31]", "rf.diffuse=false", "optical.effort=2"]
+    sets = [part for key in wide for part in ("--set", key)]
+    folder = maker.once("view", "dataset", "generate", "scenes/lobby147.toml", "--keyframes", 1, "--device", "cpu", *sets)
+    return opened(next((folder / "optical/images").glob("*.png")))
+
+
+def scene_new(maker):
+    file = maker.scratch / "new" / "room.toml"
+    file.parent.mkdir()
+    maker.run("scene", "new", "scenes/lobby.glb", "--out", file)
+    return opened(file.with_name("room-preview.png"))
+
+
+def spectrum(maker):
+    folder = maker.once("spectra", "spectrum", "scenes/lobby.toml", "--rx", "7,4,1.6", "--kind", "mpc,bartlett")
+    return folder / "mpc.svg"
+
+
+def coverage(maker):
+    folder = maker.once("map", "coverage", "scenes/lobby.toml", "--height", 1.6)
+    return opened(next(folder.glob("*.png")))
+
+
+def evaluated(maker):
+    run = maker.once(
+        "run", "reconstruct", maker.demo() / "dataset", "--device", "cpu", "--evaluate-every", 5, "--protocol", "validation"
+    )
+    return run
+
+
+def keyframe(maker):
+    figure = maker.scratch / "keyframe.svg"
+    maker.run("evaluate", evaluated(maker), "--figure", figure)
+    return figure
+
+
+def quality(maker):
+    return evaluated(maker) / "quality.svg"
+
+
+def viewer(maker):
+    return maker.photograph(maker.demo() / "viewer.html", (1400, 800))
+
+
+def report(maker):
+    return maker.photograph(maker.demo() / "report.html", (1100, 1400))
+
+
+# Picture: how it is made, and which files decide what it shows.
+PICTURES = {
+    "view.jpg": (view, LOBBY),
+    "scene-new.jpg": (scene_new, ["scenes/lobby.glb"]),
+    "spectrum.svg": (spectrum, LOBBY),
+    "coverage.jpg": (coverage, LOBBY),
+    "keyframe.svg": (keyframe, MINI),
+    "quality.svg": (quality, MINI),
+    "viewer.jpg": (viewer, [*MINI, VIEWER]),
+    "report.jpg": (report, [*MINI, "scenes/demo.toml"]),
+}
+
+
+def digest(names):
+    """SHA-256 of some files of the repository, of folders all files in the order of their names."""
+    total = hashlib.sha256()
+    for name in names:
+        path = ROOT / name
+        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+            total.update(file.read_bytes())
+    return total.hexdigest()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("corf", help="the program")
+    parser.add_argument("--only", nargs="+", choices=PICTURES, default=list(PICTURES), help="which pictures (default: all)")
+    args = parser.parse_args()
+    OUT.mkdir(exist_ok=True)
+    index = OUT / "pictures.json"
+    entries = json.loads(index.read_text()) if index.exists() else {}
+    with tempfile.TemporaryDirectory() as scratch:
+        maker = Maker(args.corf, scratch)
+        for name in args.only:
+            make, shows = PICTURES[name]
+            made = make(maker)
+            if isinstance(made, Path):
+                shutil.copyfile(made, OUT / name)
+            else:
+                made.thumbnail((WIDTH, 4 * WIDTH))
+                made.save(OUT / name, quality=85, optimize=True)
+            entries[name] = {"shows": shows, "sha256": digest(shows)}
+            print(f"{name}: {(OUT / name).stat().st_size // 1024} KiB", flush=True)
+    index.write_text(json.dumps({name: entries[name] for name in PICTURES if name in entries}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
