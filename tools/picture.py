@@ -1,4 +1,4 @@
-"""The README's picture: one held-out keyframe of a `corf demo` folder, observed, predicted, and the error.
+"""The README's picture: one held-out keyframe of a `corf demo` folder, observed, predicted, and the error, each scale with a bar of its own.
 
     python tools/picture.py DEMO_FOLDER KEYFRAME OUT.png      (needs numpy, pillow, matplotlib, OpenEXR)
 """
@@ -14,6 +14,8 @@ from matplotlib.font_manager import findfont
 from PIL import Image, ImageDraw, ImageFont
 
 WIDTH, GAP, CAPTION = 420, 8, 22
+# Of a bar: its own width, and that of its numbers.
+BAR, NUMBERS = 14, 62
 ERROR_OPTICAL, ERROR_DB = 0.25, 20.0
 
 
@@ -45,28 +47,39 @@ def main(demo, keyframe, out):
     scalar = np.array(Image.open(predictions / f"{stem}-spectrum.png").convert("L")) / 255.0
     error = np.abs(observed.astype(float) - predicted).mean(-1) / 255 / ERROR_OPTICAL
     error_db = 0.5 + 0.5 * (scalar - truth) * (high - low) / ERROR_DB
+    levels = ("jet", [f"{high - (high - low) * i / 4:.0f} dB" for i in range(5)])
+    errors = ("inferno", [f"{100 * ERROR_OPTICAL * (1 - i / 4):.3g} %" for i in range(5)])
+    differences = ("bwr", [f"{ERROR_DB * (1 - i / 2):+.0f} dB".replace("+0", "0") for i in range(5)])
+    # A picture, its caption, and the colour map and numbers of its bar; the two spectra share one.
     rows = [
-        [(observed, "image, observed"), (predicted, "predicted"), (colour("inferno", error), "mean absolute error (0 to 25 %)")],
         [
-            (colour("jet", truth), "angular power spectrum at 60 GHz, observed"),
-            (colour("jet", scalar), "predicted"),
-            (colour("bwr", error_db), "predicted − observed (±20 dB)"),
+            (observed, "image, observed", None),
+            (predicted, "predicted", None),
+            (colour("inferno", error), "mean absolute error", errors),
+        ],
+        [
+            (colour("jet", truth), "angular power spectrum at 60 GHz, observed", None),
+            (colour("jet", scalar), "predicted", levels),
+            (colour("bwr", error_db), "predicted − observed", differences),
         ],
     ]
+    places = [0, WIDTH + GAP, 2 * (WIDTH + GAP) + GAP + BAR + NUMBERS]
     heights = [WIDTH * row[0][0].shape[0] // row[0][0].shape[1] for row in rows]
-    sheet = Image.new("RGB", (3 * WIDTH + 2 * GAP + 86, sum(heights) + 2 * CAPTION + GAP), "white")
+    sheet = Image.new("RGB", (places[2] + WIDTH + GAP + BAR + NUMBERS, sum(heights) + 2 * CAPTION + GAP), "white")
     draw, font = ImageDraw.Draw(sheet), ImageFont.truetype(findfont("DejaVu Sans"), 13)
+    ink = (60, 70, 85)
     y = 0
     for row, height in zip(rows, heights):
-        for column, (pixels, caption) in enumerate(row):
-            x = column * (WIDTH + GAP)
+        for x, (pixels, caption, bar) in zip(places, row):
             sheet.paste(Image.fromarray(pixels).resize((WIDTH, height), Image.NEAREST), (x, y))
-            draw.text((x, y + height + 3), caption, fill=(60, 70, 85), font=font)
+            draw.text((x, y + height + 3), caption, fill=ink, font=font)
+            if bar:
+                name, numbers = bar
+                ramp = colour(name, np.linspace(1, 0, height))[:, None, :].repeat(BAR, 1)
+                sheet.paste(Image.fromarray(ramp), (x + WIDTH + GAP, y))
+                for i, number in enumerate(numbers):
+                    draw.text((x + WIDTH + GAP + BAR + 4, y + (height - 15) * i // 4), number, fill=ink, font=font)
         y += height + CAPTION
-    x, y, height = 3 * WIDTH + 2 * GAP + 10, heights[0] + CAPTION, heights[1]
-    sheet.paste(Image.fromarray(colour("jet", np.linspace(1, 0, height))[:, None, :].repeat(14, 1)), (x, y))
-    for i in range(5):
-        draw.text((x + 18, y + (height - 14) * i // 4), f"{high - (high - low) * i / 4:.0f} dB", fill=(60, 70, 85), font=font)
     sheet.save(out)
 
 
