@@ -31,8 +31,8 @@ pub fn quality(title: &str, curve: &[CurvePoint]) -> Result<Option<String>> {
     let points = |of: fn(&CurvePoint) -> Option<f64>| -> Vec<(f64, f64)> {
         curve.iter().filter_map(|p| Some((p.seconds, of(p)?))).collect()
     };
-    let parts: Vec<(&str, &str, Vec<(f64, f64)>)> =
-        PARTS.iter().map(|(name, axis, of)| (*name, *axis, points(*of))).filter(|part| !part.2.is_empty()).collect();
+    let parts: Vec<_> =
+        PARTS.iter().map(|(name, axis, of)| (name, axis, points(*of))).filter(|part| !part.2.is_empty()).collect();
     if curve.iter().all(|point| point.held_out.is_none()) {
         return Ok(None);
     }

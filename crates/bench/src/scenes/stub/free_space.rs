@@ -162,7 +162,7 @@ impl<'a> FreeSpace<'a> {
                 clear_m = clear_m.min(self.distance_m(at.extend(z), DVec3::new(cos, sin, 0.0)));
             }
         }
-        (clear_m >= LEAST_CLEAR_M).then(|| (clear_m, above_m.is_finite().then(|| self.height_m + above_m)))
+        (clear_m >= LEAST_CLEAR_M).then_some((clear_m, above_m.is_finite().then_some(self.height_m + above_m)))
     }
 
     /// Whether the body around a point is the room itself, closed and facing outward.
