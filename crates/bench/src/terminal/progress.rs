@@ -13,8 +13,10 @@ use std::time::{Duration, Instant};
 const PLAIN_INTERVAL: Duration = Duration::from_secs(5);
 /// Interval at which a bar is drawn anew.
 const BAR_INTERVAL: Duration = Duration::from_millis(250);
-/// Columns of a terminal that no line of progress exceeds, its bar of the rest aside.
+/// Columns of a label at most, beside which bar, counts and pace fit 80.
 const LABEL_COLUMNS: usize = 24;
+/// Columns of a rate at most.
+const RATE_COLUMNS: usize = 20;
 
 /// All bars of the terminal: tasks may run side by side.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(|| {
@@ -212,7 +214,7 @@ fn pace(state: &State, seconds: f64, unit: &str) -> String {
         r if r >= 1.0 => format!("{r:.2} {unit}/s"),
         r => format!("{} each", duration(1.0 / r)),
     };
-    format!("{}, {} left", shortened(&rate, LABEL_COLUMNS), duration(left))
+    format!("{}, {} left", shortened(&rate, RATE_COLUMNS), duration(left))
 }
 
 /// Seconds that the rest takes at the mean rate so far; `None` before there is one. The mean changes slowly: what is left never jumps.
