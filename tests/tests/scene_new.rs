@@ -163,7 +163,7 @@ fn meshes_that_are_no_rooms_in_metres_are_refused_with_what_to_do() {
         fs::write(&mesh, obj).unwrap();
         corf_refuses(&[&["scene", "new", text(&mesh)], more].concat(), words);
         let left: Vec<PathBuf> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
-        assert_eq!(left, [mesh.clone()], "something was written");
+        assert_eq!(left, std::slice::from_ref(&mesh), "something was written");
     };
     refused(&room_with_table(1000.0, &[]), &[], &["mesh.obj", "diagonal", "metres"]);
     refused(&room_with_table(0.1, &[]), &[], &["diagonal", "metres"]);

@@ -61,6 +61,6 @@ fn main() -> Result<()> {
     let split = Split::of(&input.dataset, Protocol::Validation)?;
     let record =
         harness::run_cell("first keyframe", &FirstKeyframe, &input, &split, 1, None, &mut |_| Ok(()), |_, _| Ok(()), |_| Ok(()))?;
-    println!("{}", table::plain(&table::rows(&[record]), &table::short_columns()));
+    println!("{}", table::plain(&table::rows(&[record]), &table::short_columns(), None));
     Ok(())
 }
