@@ -1,7 +1,7 @@
 //! A coverage map as a picture: colours, walls, transmitters, axes in metres and a scale.
 
 use corf_raytrace::radio::coverage::CoveragePlane;
-use corf_scene::draw::{Anchor, Canvas, Format, clip, hex, text, tick_step};
+use corf_scene::draw::{Anchor, Canvas, Format, clip, hex, metre_axes, text};
 use corf_scene::{Raster, Scene, color};
 use glam::{DVec2, DVec3};
 
@@ -117,37 +117,11 @@ impl<'m> CoveragePicture<'m> {
         let plane = self.plane;
         let [left, top, ..] = MARGIN.map(|m| m as f32);
         let (right, bottom) = (left + width as f32, top + height as f32);
-        for (a, b) in [
-            ([left, top], [right, top]),
-            ([left, bottom], [right, bottom]),
-            ([left, top], [left, bottom]),
-            ([right, top], [right, bottom]),
-        ] {
-            canvas.line(a, b, 1.2, INK);
-        }
         // Horizontal planes are labelled in world coordinates, others from their corner.
         let flat = self.is_ground_plan();
         let from = if flat { DVec2::new(plane.corner.x, plane.corner.y) } else { DVec2::ZERO };
-        let sides = [width as f64 / per_metre, height as f64 / per_metre];
-        let step = tick_step(sides[0].max(sides[1]));
-        for (axis, length) in sides.into_iter().enumerate() {
-            let first = (from[axis] / step).ceil() as i64;
-            for i in first..=((from[axis] + length) / step).floor() as i64 {
-                let value = i as f64 * step;
-                let along = ((value - from[axis]) * per_metre) as f32;
-                let label = format!("{}", (value * 1000.0).round() / 1000.0);
-                if axis == 0 {
-                    canvas.line([left + along, bottom], [left + along, bottom + 5.0], 1.2, INK);
-                    text(canvas, &label, [left + along, bottom + 21.0], Anchor::Middle, CAP, INK);
-                } else {
-                    canvas.line([left - 5.0, bottom - along], [left, bottom - along], 1.2, INK);
-                    text(canvas, &label, [left - 10.0, bottom - along + 0.5 * CAP], Anchor::Right, CAP, INK);
-                }
-            }
-        }
         let names = if flat { ["X m", "Y m"] } else { ["U m", "V m"] };
-        text(canvas, names[0], [0.5 * (left + right), bottom + 44.0], Anchor::Middle, CAP, INK);
-        text(canvas, names[1], [left - 10.0, top - 12.0], Anchor::Right, CAP, INK);
+        metre_axes(canvas, [left, top, right, bottom], from, per_metre, names, (CAP, INK));
     }
 
     fn title(&self, canvas: &mut Canvas, transmitters: usize) {

@@ -4,7 +4,7 @@ use super::free_space::FreeSpace;
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::{LightFrame, LightSettings, LightTracer, develop_frame};
 use corf_raytrace::radio::coverage::CoveragePlane;
-use corf_scene::draw::{Anchor, Canvas, Format, Rgb, clip, hex, text, tick_step};
+use corf_scene::draw::{Anchor, Canvas, Format, Rgb, clip, hex, metre_axes, text};
 use corf_scene::trajectory::{self, TrajectoryConfig, TrajectoryPose};
 use corf_scene::{Pinhole, Raster, Result, Rigid3, color};
 use glam::{DVec2, DVec3, Vec3};
@@ -99,7 +99,7 @@ pub fn draw(space: &FreeSpace<'_>, bvh: &Bvh, way: &TrajectoryConfig, tx: DVec3)
     let on_left = x + 60.0 > left + width;
     let anchor = if on_left { Anchor::Right } else { Anchor::Left };
     text(&mut canvas, "TX", [if on_left { x - 13.0 } else { x + 13.0 }, y + 5.0], anchor, CAP, TRANSMITTER);
-    axes(&mut canvas, [min, max], per_metre, [width, height]);
+    metre_axes(&mut canvas, [left, top, left + width, top + height], min, per_metre, ["X m", "Y m"], (CAP, INK));
     text(&mut canvas, &format!("CUT AT z = {:.2} m", space.sensor_m()), [left, top - 22.0], Anchor::Left, CAP, INK);
     paste(&mut canvas, [columns.floor(), rows.floor()], &view, [view_left as usize, top as usize]);
     text(&mut canvas, "VIEW FROM THE LOOP", [view_left, top - 22.0], Anchor::Left, CAP, INK);
@@ -161,35 +161,4 @@ fn paste(canvas: &mut Canvas, size: [f32; 2], picture: &Raster<[u8; 3]>, [left, 
         let inside = x >= left && y >= top && x < left + picture.width() && y < top + picture.height();
         if inside { picture[(x - left, y - top)].map(|v| f32::from(v) / 255.0) } else { colour }
     });
-}
-
-/// Frame and ticks in world metres.
-fn axes(canvas: &mut Canvas, [min, max]: [DVec2; 2], per_metre: f64, [width, height]: [f32; 2]) {
-    let [left, top, ..] = MARGIN;
-    let (right, bottom) = (left + width, top + height);
-    for (a, b) in [
-        ([left, top], [right, top]),
-        ([left, bottom], [right, bottom]),
-        ([left, top], [left, bottom]),
-        ([right, top], [right, bottom]),
-    ] {
-        canvas.line(a, b, 1.2, INK);
-    }
-    let step = tick_step((max - min).max_element());
-    for axis in 0..2 {
-        for i in (min[axis] / step).ceil() as i64..=(max[axis] / step).floor() as i64 {
-            let value = i as f64 * step;
-            let along = ((value - min[axis]) * per_metre) as f32;
-            let label = format!("{}", (value * 1000.0).round() / 1000.0);
-            if axis == 0 {
-                canvas.line([left + along, bottom], [left + along, bottom + 5.0], 1.2, INK);
-                text(canvas, &label, [left + along, bottom + 21.0], Anchor::Middle, CAP, INK);
-            } else {
-                canvas.line([left - 5.0, bottom - along], [left, bottom - along], 1.2, INK);
-                text(canvas, &label, [left - 10.0, bottom - along + 0.5 * CAP], Anchor::Right, CAP, INK);
-            }
-        }
-    }
-    text(canvas, "X m", [0.5 * (left + right), bottom + 44.0], Anchor::Middle, CAP, INK);
-    text(canvas, "Y m", [left - 10.0, top - 6.0], Anchor::Right, CAP, INK);
 }

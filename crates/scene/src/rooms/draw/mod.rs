@@ -7,7 +7,7 @@ mod plan;
 pub use canvas::{Canvas, Format, Rgb, hex, mix};
 pub(crate) use canvas::{scale, smoothstep};
 pub(crate) use glyphs::layout as text_layout;
-pub use plan::{clip, tick_step};
+pub use plan::{clip, metre_axes};
 
 /// Strokes of the small letters that units need, on the grid of the capitals (4 wide, 6 high), and how far the pen moves on.
 fn small(character: char) -> Option<(&'static [&'static [[f32; 2]]], f32)> {
