@@ -238,7 +238,7 @@ fn what_is_wrong_with_a_folder_is_said_with_the_file_and_what_to_do() {
     // matplotlib's Jet is not OpenCV's.
     let other_jet = tempfile::tempdir().unwrap();
     observed(other_jet.path(), &["opencv"]);
-    refused(other_jet.path(), &["00001.png", "Jet of OpenCV and MATLAB", "as matplotlib does"]);
+    refused(other_jet.path(), &["jet/000", "Jet of OpenCV and MATLAB", "as matplotlib does"]);
     // Flags that mean nothing together.
     corf_refuses(&["evaluate"], &["nothing to evaluate", "--predictions"]);
     corf_refuses(&["evaluate", "--predictions", text(folder.path())], &["--dataset"]);

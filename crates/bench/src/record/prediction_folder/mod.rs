@@ -236,19 +236,23 @@ fn read_colours(path: &Path, camera: &Pinhole) -> Result<Raster<[f32; 3]>> {
     Ok(image.map(|p| p.map(|v| f32::from(v) / 65535.0)))
 }
 
-/// A picture is in the other Jet where it lies this many times as far off that as off matplotlib's at most, and off the latter (rms of full scale) by
-/// this much at least: eight bits alone are off by 0.002, and what a field draws lies off both.
-const OTHER_JET: (f64, f64) = (0.5, 4.0 / 255.0);
+/// A pixel speaks for a Jet where it is this far from the other one's colours at least (full scale is 1; eight bits are off by 0.004), and half as far from
+/// its own at most: what a field draws lies off both, and blues are on both.
+const TELLING: f32 = 4.0 / 255.0;
+/// A picture is in the other Jet where so many pixels say so at least, and this many times as many as say that it is in matplotlib's.
+const OTHER_JET: (usize, usize) = (8, 4);
 
 /// Whether the colours of a picture are those of OpenCV's and MATLAB's Jet rather than matplotlib's.
 fn is_other_jet(picture: &Raster<[f32; 3]>) -> bool {
-    let rms = |nearest: &dyn Fn([f32; 3]) -> [f32; 3]| {
-        let of_pixel = |rgb: &[f32; 3]| nearest(*rgb).iter().zip(rgb).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
-        (picture.pixels().iter().map(of_pixel).sum::<f64>() / picture.pixels().len() as f64).sqrt()
-    };
-    let ours = rms(&|rgb| color::jet(color::scalar_from_jet(rgb)));
-    let theirs = rms(&|rgb| color::jet_of_trapezoids(color::scalar_from_jet_of_trapezoids(rgb)));
-    ours > OTHER_JET.1 && theirs < OTHER_JET.0 * ours
+    let (mut for_theirs, mut for_ours) = (0, 0);
+    for rgb in picture.pixels() {
+        let distance = |on: [f32; 3]| on.iter().zip(rgb).map(|(a, b)| (a - b).powi(2)).sum::<f32>().sqrt();
+        let ours = distance(color::jet(color::scalar_from_jet(*rgb)));
+        let theirs = distance(color::jet_of_trapezoids(color::scalar_from_jet_of_trapezoids(*rgb)));
+        for_theirs += usize::from(ours > TELLING && theirs < 0.5 * ours);
+        for_ours += usize::from(theirs > TELLING && ours < 0.5 * theirs);
+    }
+    for_theirs >= OTHER_JET.0 && for_theirs > OTHER_JET.1 * for_ours
 }
 
 fn read_jet(path: &Path, camera: &Pinhole) -> Result<Raster<[f32; 3]>> {
