@@ -9,13 +9,17 @@ the viewer's page): test_tools.py fails where one of them has changed and the pi
 """
 
 import argparse
+import base64
 import hashlib
 import json
 import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
+
+from check_view import Browser
 
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "docs/pictures"
@@ -57,15 +61,26 @@ class Maker:
         """The folder of the demo."""
         return self.once("demo", "demo", "--device", "cpu")
 
-    def photograph(self, page, size, fragment=""):
-        """A page as a browser without a screen draws it."""
-        browser = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
-        if browser is None:
+    def photograph(self, page, size, ready):
+        """A page as a browser without a screen draws it, once an expression in it is true."""
+        program = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
+        if program is None:
             sys.exit("no Chromium on PATH\n  help: apt install chromium")
-        shot = self.scratch / "shot.png"
-        options = ["--headless=new", "--no-sandbox", "--hide-scrollbars", "--enable-unsafe-swiftshader", "--virtual-time-budget=20000"]
-        command = [browser, *options, f"--window-size={size[0]},{size[1]}", f"--screenshot={shot}", page.resolve().as_uri() + fragment]
-        subprocess.run(command, check=True, capture_output=True, timeout=300)
+        browser = Browser(program)
+        try:
+            browser.open(page.resolve().as_uri())
+            browser.ask("Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=False)
+            end = time.monotonic() + Browser.PATIENCE_S
+            while not browser.evaluate(f"document.readyState === 'complete' && ({ready})"):
+                if time.monotonic() > end:
+                    sys.exit(f"{page} was not ready within {Browser.PATIENCE_S} s")
+                time.sleep(0.2)
+            # What was asked for last is drawn in a frame or two.
+            time.sleep(2)
+            shot = self.scratch / "shot.png"
+            shot.write_bytes(base64.b64decode(browser.ask("Page.captureScreenshot", format="png")["data"]))
+        finally:
+            browser.quit()
         return opened(shot)
 
 
@@ -111,11 +126,11 @@ def quality(maker):
 
 
 def viewer(maker):
-    return maker.photograph(maker.demo() / "viewer.html", (1400, 800))
+    return maker.photograph(maker.demo() / "viewer.html", (1400, 800), "document.getElementById('message')?.textContent === ''")
 
 
 def report(maker):
-    return maker.photograph(maker.demo() / "report.html", (1100, 1400))
+    return maker.photograph(maker.demo() / "report.html", (1100, 1400), "true")
 
 
 # Picture: how it is made, and which files decide what it shows.
