@@ -55,7 +55,7 @@ fn an_arrays_spectrum_is_as_good_as_its_samples_of_the_whole_sphere() {
     assert_eq!(answer["spectrum"], "bartlett");
     let error = |key: &str| answer["standard_error"][key].as_f64().unwrap();
     assert!(error("pixels") > 20_000.0 && error("pixel_median_db") > 0.0, "{answer}");
-    assert!(error("pixel_share_as_wanted") > 0.97 && error("pixel_worst_db") < 0.8, "{answer}");
+    assert!(error("pixel_share_as_wanted") > 0.97 && error("pixel_worst_db") < 1.2, "{answer}");
     corf_refuses(
         &["bench", "radio", "scenes/lobby-mini.toml", "--spectrum", "bartlett", "--powers"],
         &["--spectrum", "--powers"],

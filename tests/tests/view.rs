@@ -50,8 +50,14 @@ fn a_page_is_one_file_that_holds_everything() {
     let keyframe = element(&html, "keyframe-9");
     let shown: f64 = keyframe["numbers"][0]["value"].as_str().unwrap().parse().unwrap();
     assert!((metrics["frames"][1]["psnr_opt"].as_f64().unwrap() - shown).abs() < 0.006, "{shown}");
-    // The same again, over the old file.
+    // Without a record it opens in the middle of what is held out, with one on what was predicted best there.
+    assert_eq!(scene["opening"], 8);
+    corf_ok(&arguments);
     let before = fs::read(&page).unwrap();
+    let sum = |frame: &Value| frame["psnr_opt"].as_f64().unwrap() + frame["psnr_rf_scalar"].as_f64().unwrap();
+    let best = metrics["frames"].as_array().unwrap().iter().max_by(|a, b| sum(a).total_cmp(&sum(b))).unwrap();
+    assert_eq!(element(&fs::read_to_string(&page).unwrap(), "scene")["opening"], best["index"]);
+    // The same again, over the old file.
     corf_ok(&arguments);
     assert!(fs::read(&page).unwrap() == before);
     let bytes = before.len();
