@@ -5,7 +5,7 @@ use corf_scene::Scene;
 /// Radio properties that a name suggests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Guess {
-    /// Words one of which the name holds.
+    /// Words one of which the name holds, whole or in the plural; of one that ends in `*`, words that begin so.
     words: &'static [&'static str],
     /// Lines of its entry.
     pub entry: Entry,
@@ -28,35 +28,38 @@ const fn guess(words: &'static [&'static str], entry: Entry, thickness_m: f64, s
     Guess { words, entry, thickness_m, scattering }
 }
 
-/// Guesses, the most telling words first: a "glass door" is glass, a "wooden floor" wood.
+/// Guesses, the most telling words first: a "glass door" is glass, a "wooden floor" wood, a "carpet tile" a carpet.
 const GUESSES: [Guess; 13] = [
     guess(&["glass", "glazing", "glas", "window", "pane", "mirror", "screen", "monitor"], Entry::Itu("glass"), 0.008, 0.0),
     guess(
-        &["metal", "steel", "iron", "alumin", "brass", "chrome", "copper", "radiator", "metall", "stahl"],
+        &["metal", "metallic", "steel", "iron", "alumin*", "brass", "chrome", "copper", "radiator", "metall", "stahl"],
         Entry::Itu("metal"),
         0.002,
         0.05,
     ),
+    guess(
+        &["cloth", "tablecloth", "fabric", "textile", "carpet", "rug", "curtain", "sofa", "cushion", "leather", "felt", "wool"],
+        Entry::Constant(1.5, 0.04),
+        0.006,
+        0.5,
+    ),
     guess(&["concrete", "cement", "beton", "brick", "clay", "masonry", "screed"], Entry::Itu("concrete"), 0.1, 0.3),
     guess(&["marble", "granite", "stone", "tile", "ceramic", "porcelain", "terrazzo"], Entry::Itu("marble"), 0.02, 0.1),
     guess(&["chipboard", "mdf", "particle", "laminate", "melamine"], Entry::Itu("chipboard"), 0.019, 0.2),
-    guess(&["parquet", "floorboard", "planks"], Entry::Itu("floorboard"), 0.02, 0.2),
+    guess(&["parquet", "floorboard", "plank"], Entry::Itu("floorboard"), 0.02, 0.2),
     guess(
-        &["wood", "oak", "walnut", "timber", "pine", "birch", "holz", "bois", "door", "table", "desk", "shelf", "cabinet"],
+        &[
+            "wood", "wooden", "oak", "walnut", "timber", "pine", "birch", "holz", "bois", "door", "table", "desk", "shelf",
+            "cabinet",
+        ],
         Entry::Itu("wood"),
         0.03,
         0.3,
     ),
     guess(&["ceiling", "acoustic"], Entry::Itu("ceiling_board"), 0.02, 0.2),
-    guess(&["plaster", "gypsum", "drywall", "putz", "wall", "paint"], Entry::Itu("plasterboard"), 0.013, 0.3),
-    guess(
-        &["cloth", "fabric", "textile", "carpet", "rug", "curtain", "sofa", "cushion", "leather", "felt", "wool"],
-        Entry::Constant(1.5, 0.04),
-        0.006,
-        0.5,
-    ),
-    guess(&["plastic", "pvc", "acryl", "rubber", "vinyl", "poly"], Entry::Constant(2.6, 0.06), 0.003, 0.1),
-    guess(&["lamp", "light", "bulb", "led"], Entry::Itu("glass"), 0.003, 0.0),
+    guess(&["plaster*", "gypsum", "drywall", "putz", "wall", "paint"], Entry::Itu("plasterboard"), 0.013, 0.3),
+    guess(&["plastic", "pvc", "acryl*", "rubber", "vinyl", "polymer", "polycarbonate"], Entry::Constant(2.6, 0.06), 0.003, 0.1),
+    guess(&["lamp", "bulb"], Entry::Itu("glass"), 0.003, 0.0),
     guess(&["floor", "ground", "boden"], Entry::Itu("concrete"), 0.2, 0.3),
 ];
 
@@ -66,8 +69,13 @@ pub const UNKNOWN: Guess = guess(&[], Entry::Itu("plasterboard"), 0.013, 0.3);
 impl Guess {
     /// What a material's name suggests, and the word that does.
     pub fn by_name(name: &str) -> Option<(Self, &'static str)> {
-        let name = name.to_lowercase();
-        GUESSES.into_iter().find_map(|guess| guess.words.iter().find(|word| name.contains(**word)).map(|word| (guess, *word)))
+        let said = words_of(name);
+        let holds = |word: &str| match word.strip_suffix('*') {
+            Some(stem) => said.iter().any(|given| given.starts_with(stem)),
+            None => said.iter().any(|given| given == word || given.strip_suffix('s') == Some(word)),
+        };
+        let of = |guess: Guess| guess.words.iter().find(|word| holds(word)).map(|word| (guess, word.trim_end_matches('*')));
+        GUESSES.into_iter().find_map(of)
     }
 
     /// The lines of its entry under `[radio_materials]`.
@@ -81,6 +89,20 @@ impl Guess {
             }
         }
     }
+}
+
+/// The words of a name, in small letters: parted at everything but letters, and before a capital behind a small letter.
+fn words_of(name: &str) -> Vec<String> {
+    let mut parted = String::new();
+    let mut small = false;
+    for letter in name.chars() {
+        if !letter.is_alphabetic() || (small && letter.is_uppercase()) {
+            parted.push(' ');
+        }
+        small = letter.is_lowercase();
+        parted.extend(letter.is_alphabetic().then_some(letter));
+    }
+    parted.to_lowercase().split_whitespace().map(str::to_owned).collect()
 }
 
 /// The entries of all materials, in the mesh's order, and the names of those that nothing is known of.
@@ -125,6 +147,18 @@ mod tests {
             ("Concrete wall", Some(Entry::Itu("concrete"))),
             ("MAT_oak", Some(Entry::Itu("wood"))),
             ("glass door", Some(Entry::Itu("glass"))),
+            ("WallPlasterboard", Some(Entry::Itu("plasterboard"))),
+            ("floorTiles02", Some(Entry::Itu("marble"))),
+            ("brushed_aluminium", Some(Entry::Itu("metal"))),
+            ("ceiling_panel", Some(Entry::Itu("ceiling_board"))),
+            ("textile", Some(Entry::Constant(1.5, 0.04))),
+            ("tablecloth", Some(Entry::Constant(1.5, 0.04))),
+            ("Carpet tile", Some(Entry::Constant(1.5, 0.04))),
+            // Words that only sound like others inside of them.
+            ("environment", None),
+            ("Untitled", None),
+            ("light_grey", None),
+            ("polygon", None),
             ("Material.003", None),
         ] {
             assert_eq!(Guess::by_name(name).map(|(guess, _)| guess.entry), entry, "{name}");
