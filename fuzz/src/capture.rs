@@ -2,7 +2,7 @@
 
 use crate::files::{parts, put};
 use anyhow::Result;
-use corf_scene::capture::{self, Format, ImportOptions, RadioCamera};
+use corf_scene::capture::{self, CaptureOptions, Format, RadioCamera};
 use corf_scene::dataset::stem;
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Raster, io};
@@ -26,7 +26,7 @@ fn pictures(folder: &Path, name: &str) -> Result<()> {
 }
 
 /// Reads a capture. A number of keyframes that is none is as bad as a panic.
-fn examine(options: &ImportOptions) -> Result<()> {
+fn examine(options: &CaptureOptions) -> Result<()> {
     let count = capture::examine(options)?;
     assert!(count > 0 && stem(count - 1).len() >= 5, "a capture of {count} keyframes");
     Ok(())
@@ -43,7 +43,7 @@ fn colmap(bytes: &[u8], folder: &Path, ending: &str) -> Result<()> {
             std::fs::remove_file(path)?;
         }
     }
-    examine(&ImportOptions::new(Format::Colmap, folder))
+    examine(&CaptureOptions::new(Format::Colmap, folder))
 }
 
 pub(crate) fn colmap_text(bytes: &[u8], folder: &Path) -> Result<()> {
@@ -57,7 +57,7 @@ pub(crate) fn colmap_binary(bytes: &[u8], folder: &Path) -> Result<()> {
 pub(crate) fn transforms(bytes: &[u8], folder: &Path) -> Result<()> {
     pictures(folder, "images")?;
     put(folder, "transforms.json", bytes)?;
-    examine(&ImportOptions { ignore_masks: true, ..ImportOptions::new(Format::Nerfstudio, folder) })
+    examine(&CaptureOptions { ignore_masks: true, ..CaptureOptions::new(Format::Nerfstudio, folder) })
 }
 
 /// A whole COLMAP model of the two pictures.
@@ -79,7 +79,7 @@ pub(crate) fn rf_3dgs_lists(bytes: &[u8], folder: &Path) -> Result<()> {
     let [train, test] = parts(bytes);
     put(folder, "train_index.txt", train)?;
     put(folder, "test_index.txt", test)?;
-    examine(&ImportOptions { radio_db: Some(LEVELS), ..ImportOptions::new(Format::Rf3dgs, folder) })
+    examine(&CaptureOptions { radio_db: Some(LEVELS), ..CaptureOptions::new(Format::Rf3dgs, folder) })
 }
 
 /// Both pictures with one spectrum.
@@ -90,8 +90,8 @@ fn spectrum(bytes: &[u8], folder: &Path, ending: &str) -> Result<()> {
     for name in ["a", "b"] {
         put(&spectra, &format!("{name}.{ending}"), bytes)?;
     }
-    let options = ImportOptions::new(Format::Colmap, folder);
-    examine(&ImportOptions {
+    let options = CaptureOptions::new(Format::Colmap, folder);
+    examine(&CaptureOptions {
         radio: Some(spectra),
         radio_camera: Some(RadioCamera::HorizontalFovDeg(90.0)),
         radio_db: (ending == "png").then_some(LEVELS),

@@ -171,7 +171,7 @@ fn exr(bytes: &[u8], folder: &Path) -> Result<()> {
 }
 
 fn npy(bytes: &[u8], _: &Path) -> Result<()> {
-    let npz::Numbers { shape, values, .. } = npz::decode_npy(bytes, "input.npy")?;
+    let npz::NpyNumbers { shape, values, .. } = npz::decode_npy(bytes, "input.npy")?;
     assert_eq!(shape.iter().product::<usize>(), values.len());
     Ok(())
 }

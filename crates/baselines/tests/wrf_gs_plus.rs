@@ -89,7 +89,7 @@ fn scenario(seed: u64, radio_target: RadioTarget, move_positions: bool) -> Scena
     let mut parameters: Vec<f32> = Model::new(&config).network.initial(seed);
     let model = Model::new(&config);
     for head in model.heads() {
-        let corf_baselines::mlp::Source::Layer(l) = head else { unreachable!() };
+        let corf_baselines::mlp::LayerInput::Layer(l) = head else { unreachable!() };
         let layer = &model.network.layers()[l];
         parameters[layer.weights().start..layer.bias().end].iter_mut().for_each(|p| *p *= 0.2);
     }

@@ -279,11 +279,26 @@ impl Context {
     /// # Errors
     /// Those of [`Self::check`].
     pub fn wait(&self, doing: &str) -> Result<()> {
-        let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.wait_until(wgpu::PollType::wait_indefinitely(), doing)
+    }
+
+    /// Waits as `until` says.
+    ///
+    /// # Errors
+    /// Those of [`Self::check`].
+    fn wait_until(&self, until: wgpu::PollType, doing: &str) -> Result<()> {
+        let waited = self.device.poll(until);
+        if waited.is_err() {
+            // Of a device that is gone, what was submitted is unknown before the loss is told: by another poll.
+            let _ = self.device.poll(wgpu::PollType::Poll);
+        }
         self.check(doing)?;
-        waited.map(|_| ()).map_err(|e| {
-            Error::invalid(format!("gpu ({}), {doing}", self.info.name), e.to_string(), "start again, or choose --device cpu")
-        })
+        waited.map(|_| ()).map_err(|e| self.failed(doing, e.to_string()))
+    }
+
+    /// What went wrong on this device, and nobody knows why.
+    fn failed(&self, doing: &str, text: String) -> Error {
+        Error::invalid(format!("gpu ({}), {doing}", self.info.name), text, "start again, or choose --device cpu")
     }
 
     /// Reads the first `count` numbers of several buffers back in one go, after all that was submitted.
@@ -365,17 +380,11 @@ impl<T: bytemuck::Pod> Reading<T> {
     /// Those of [`Context::check`].
     pub fn finish(self, context: &Context) -> Result<Vec<Vec<T>>> {
         let until = wgpu::PollType::Wait { submission_index: Some(self.submission), timeout: None };
-        let waited = context.device.poll(until);
-        context.check(self.doing)?;
-        let failed = |text: String| {
-            let place = format!("gpu ({}), {}", context.info.name, self.doing);
-            Error::invalid(place, text, "start again, or choose --device cpu")
-        };
-        waited.map_err(|e| failed(e.to_string()))?;
+        context.wait_until(until, self.doing)?;
         let mut out = vec![];
         for (target, bytes) in self.staging {
             {
-                let range = target.get_mapped_range(..bytes.max(4)).map_err(|e| failed(e.to_string()))?;
+                let range = target.get_mapped_range(..bytes.max(4)).map_err(|e| context.failed(self.doing, e.to_string()))?;
                 out.push(bytemuck::pod_collect_to_vec(&range[..bytes as usize]));
             }
             target.unmap();

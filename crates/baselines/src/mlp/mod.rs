@@ -13,5 +13,5 @@ mod pass;
 
 pub use adam::{Adam, Cosine, Trained};
 pub use encoding::FrequencyEncoding;
-pub use network::{Activation, Layer, Network, Source};
+pub use network::{Activation, DenseLayer, LayerInput, Network};
 pub use pass::Tape;

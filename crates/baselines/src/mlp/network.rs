@@ -49,7 +49,7 @@ impl Activation {
 
 /// Something a layer reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Source {
+pub enum LayerInput {
     /// One of the network's inputs, by its number.
     Input(usize),
     /// The outputs of an earlier layer, by its number.
@@ -58,9 +58,9 @@ pub enum Source {
 
 /// A fully connected layer: y = activation(W·x + b), where x is what its sources give, one behind the other.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Layer {
+pub struct DenseLayer {
     /// Sources of x, in order.
-    pub sources: Vec<Source>,
+    pub sources: Vec<LayerInput>,
     /// Length of x.
     pub inputs: usize,
     /// Length of y.
@@ -71,7 +71,7 @@ pub struct Layer {
     first: usize,
 }
 
-impl Layer {
+impl DenseLayer {
     /// Place of W in the network's parameters, one row of `inputs` numbers for each output.
     pub fn weights(&self) -> Range<usize> {
         self.first..self.first + self.inputs * self.outputs
@@ -88,7 +88,7 @@ impl Layer {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
     inputs: Vec<usize>,
-    layers: Vec<Layer>,
+    layers: Vec<DenseLayer>,
 }
 
 impl Network {
@@ -101,12 +101,12 @@ impl Network {
     ///
     /// # Panics
     /// A source that does not exist yet, or a layer without inputs or outputs.
-    pub fn add(&mut self, sources: &[Source], outputs: usize, activation: Activation) -> Source {
+    pub fn add(&mut self, sources: &[LayerInput], outputs: usize, activation: Activation) -> LayerInput {
         let inputs = sources.iter().map(|s| self.width(*s)).sum();
         assert!(inputs > 0 && outputs > 0, "a layer of {inputs} inputs and {outputs} outputs");
         let first = self.parameters();
-        self.layers.push(Layer { sources: sources.to_vec(), inputs, outputs, activation, first });
-        Source::Layer(self.layers.len() - 1)
+        self.layers.push(DenseLayer { sources: sources.to_vec(), inputs, outputs, activation, first });
+        LayerInput::Layer(self.layers.len() - 1)
     }
 
     /// Adds `layers` hidden layers of `width`, rectified, that begin with what `read` gives; behind layer `skip`, counted from 0, that is put in
@@ -114,7 +114,7 @@ impl Network {
     ///
     /// # Panics
     /// As [`Self::add`]; no layers.
-    pub fn trunk(&mut self, read: &[Source], layers: usize, width: usize, skip: usize) -> Vec<Source> {
+    pub fn trunk(&mut self, read: &[LayerInput], layers: usize, width: usize, skip: usize) -> Vec<LayerInput> {
         let mut next = read.to_vec();
         for layer in 0..layers {
             let x = self.add(&next, width, Activation::Relu);
@@ -129,23 +129,23 @@ impl Network {
     }
 
     /// The layers, in an order in which each reads only what comes before it.
-    pub fn layers(&self) -> &[Layer] {
+    pub fn layers(&self) -> &[DenseLayer] {
         &self.layers
     }
 
     /// Whether no other layer reads this one, by its number: its outputs are the network's.
     pub fn is_head(&self, layer: usize) -> bool {
-        !self.layers.iter().any(|other| other.sources.contains(&Source::Layer(layer)))
+        !self.layers.iter().any(|other| other.sources.contains(&LayerInput::Layer(layer)))
     }
 
     /// Length of what a source gives.
     ///
     /// # Panics
     /// A source that does not exist.
-    pub fn width(&self, source: Source) -> usize {
+    pub fn width(&self, source: LayerInput) -> usize {
         match source {
-            Source::Input(i) => self.inputs[i],
-            Source::Layer(l) => self.layers[l].outputs,
+            LayerInput::Input(i) => self.inputs[i],
+            LayerInput::Layer(l) => self.layers[l].outputs,
         }
     }
 
@@ -156,8 +156,8 @@ impl Network {
 
     /// Floating-point operations of a forward and a backward pass over one row, two for each multiplication by a weight.
     pub fn operations(&self) -> f64 {
-        let products = |l: &Layer| {
-            let on = l.sources.iter().filter(|s| matches!(s, Source::Layer(_))).map(|s| self.width(*s)).sum::<usize>();
+        let products = |l: &DenseLayer| {
+            let on = l.sources.iter().filter(|s| matches!(s, LayerInput::Layer(_))).map(|s| self.width(*s)).sum::<usize>();
             (l.outputs * (2 * l.inputs + on)) as f64
         };
         2.0 * self.layers.iter().map(products).sum::<f64>()

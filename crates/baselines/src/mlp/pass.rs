@@ -1,7 +1,7 @@
 //! A network's values and gradients over a block of rows, by one thread. Who wants more threads gives each its own rows and adds gradients up in
 //! a fixed order.
 
-use super::network::{Network, Source};
+use super::network::{LayerInput, Network};
 use corf::numeric::Real;
 use corf::numeric::{Matrix, multiply};
 
@@ -18,10 +18,10 @@ impl<T> Tape<T> {
     ///
     /// # Panics
     /// A source that is no layer of the network.
-    pub fn of(&self, layer: Source) -> &[T] {
+    pub fn of(&self, layer: LayerInput) -> &[T] {
         match layer {
-            Source::Layer(l) => &self.values[l],
-            Source::Input(_) => panic!("an input is no layer's output"),
+            LayerInput::Layer(l) => &self.values[l],
+            LayerInput::Input(_) => panic!("an input is no layer's output"),
         }
     }
 }
@@ -58,14 +58,14 @@ impl Network {
         parameters: &[T],
         inputs: &[&[T]],
         tape: &Tape<T>,
-        heads: impl IntoIterator<Item = (Source, Vec<T>)>,
+        heads: impl IntoIterator<Item = (LayerInput, Vec<T>)>,
         gradient: &mut [T],
     ) {
         let rows = tape.rows;
         // In the outputs of every layer; empty where nothing has come yet.
         let mut reached: Vec<Vec<T>> = vec![vec![]; self.layers().len()];
         for (head, values) in heads {
-            let Source::Layer(l) = head else { panic!("a head is a layer") };
+            let LayerInput::Layer(l) = head else { panic!("a head is a layer") };
             assert_eq!(values.len(), rows * self.layers()[l].outputs, "a head's gradient");
             reached[l] = values;
         }
@@ -88,7 +88,7 @@ impl Network {
             for source in &layer.sources {
                 let x = self.rows_of(*source, inputs, tape);
                 multiply(dz.transposed(), x, T::ONE, &mut dw[column..], layer.inputs);
-                if let Source::Layer(from) = *source {
+                if let LayerInput::Layer(from) = *source {
                     let fresh = reached[from].is_empty();
                     reached[from].resize(rows * x.columns, T::ZERO);
                     let weights = Matrix::by_rows(&w[column..], layer.outputs, x.columns, layer.inputs);
@@ -101,11 +101,11 @@ impl Network {
     }
 
     /// Rows of a source, as a matrix.
-    fn rows_of<'a, T>(&self, source: Source, inputs: &[&'a [T]], tape: &'a Tape<T>) -> Matrix<'a, T> {
+    fn rows_of<'a, T>(&self, source: LayerInput, inputs: &[&'a [T]], tape: &'a Tape<T>) -> Matrix<'a, T> {
         let width = self.width(source);
         let values = match source {
-            Source::Input(i) => inputs[i],
-            Source::Layer(l) => &tape.values[l],
+            LayerInput::Input(i) => inputs[i],
+            LayerInput::Layer(l) => &tape.values[l],
         };
         assert_eq!(values.len(), tape.rows * width, "an input's size");
         Matrix::by_rows(values, tape.rows, width, width)
@@ -119,13 +119,13 @@ mod tests {
     use corf_scene::Rng;
 
     /// Two inputs, a skip, a branch that two heads read, every activation.
-    pub(super) fn network() -> (Network, [Source; 2]) {
+    pub(super) fn network() -> (Network, [LayerInput; 2]) {
         let mut n = Network::new(&[3, 2]);
-        let a = n.add(&[Source::Input(0)], 5, Activation::LeakyRelu);
-        let b = n.add(&[Source::Input(0), a], 6, Activation::Relu);
+        let a = n.add(&[LayerInput::Input(0)], 5, Activation::LeakyRelu);
+        let b = n.add(&[LayerInput::Input(0), a], 6, Activation::Relu);
         let c = n.add(&[b], 4, Activation::Sigmoid);
         let first = n.add(&[b, c], 2, Activation::Identity);
-        let d = n.add(&[c, Source::Input(1)], 3, Activation::Identity);
+        let d = n.add(&[c, LayerInput::Input(1)], 3, Activation::Identity);
         let second = n.add(&[d], 1, Activation::Sigmoid);
         (n, [first, second])
     }
@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn a_layer_is_what_it_says() {
         let mut n = Network::new(&[2]);
-        let y = n.add(&[Source::Input(0)], 2, Activation::Relu);
+        let y = n.add(&[LayerInput::Input(0)], 2, Activation::Relu);
         assert_eq!(n.parameters(), 6);
         // W by rows, then b.
         let parameters = [1.0, 2.0, 3.0, -4.0, 0.5, 1.0];

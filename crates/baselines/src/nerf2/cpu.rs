@@ -5,7 +5,7 @@
 
 use super::rendering::{Outputs, Sum};
 use super::trainer::{Trainer, check_rays};
-use super::{Batch, Model, Nerf2Config, Ray};
+use super::{Batch, Model, Nerf2Config, PixelRay};
 use crate::mlp::{Adam, Tape, Trained};
 use corf::numeric::Real;
 use corf::{Error, Result};
@@ -63,7 +63,7 @@ impl<T: Real> CpuTrainer<T> {
     }
 
     /// Runs the network over a block's points.
-    fn forward(&self, rays: &[Ray], distances: &[f32]) -> Block<T> {
+    fn forward(&self, rays: &[PixelRay], distances: &[f32]) -> Block<T> {
         let samples = self.config.samples;
         let width = self.model.encoding.width();
         let mut inputs = [vec![T::ZERO; distances.len() * width], Vec::with_capacity(distances.len() * 2 * width)];
@@ -90,7 +90,7 @@ impl<T: Real> CpuTrainer<T> {
     }
 
     /// Squared error of a block's rays, summed, and its gradient in all parameters; `scale` goes before both.
-    fn block_gradient(&self, rays: &[Ray], targets: &[f32], distances: &[f32], scale: T) -> (T, Vec<T>) {
+    fn block_gradient(&self, rays: &[PixelRay], targets: &[f32], distances: &[f32], scale: T) -> (T, Vec<T>) {
         let block = self.forward(rays, distances);
         let mut heads = [vec![T::ZERO; 2 * distances.len()], vec![T::ZERO; 2 * distances.len()]];
         let (mut loss, samples, end) = (T::ZERO, self.config.samples, self.end());
@@ -156,10 +156,10 @@ impl Trainer for CpuTrainer {
         Ok(self.loss)
     }
 
-    fn amplitudes(&mut self, rays: &[Ray], distances: &[f32]) -> Result<Vec<f32>> {
+    fn amplitudes(&mut self, rays: &[PixelRay], distances: &[f32]) -> Result<Vec<f32>> {
         let (samples, at_once, end) = (self.config.samples, self.rays_a_block(), self.end());
         check_rays(rays.len(), distances.len(), samples)?;
-        let block = |(rays, distances): (&[Ray], &[f32])| {
+        let block = |(rays, distances): (&[PixelRay], &[f32])| {
             let block = self.forward(rays, distances);
             let amplitude = |k| {
                 let (outputs, distances) = self.ray(&block, k);

@@ -4,7 +4,7 @@
 //! submission of all its chunks. The next one is prepared while it runs.
 
 use super::trainer::{Trainer, check_rays};
-use super::{Batch, Model, Nerf2Config, Ray};
+use super::{Batch, Model, Nerf2Config, PixelRay};
 use crate::mlp::gpu::{ENCODING, GpuNetwork, LANES, most_rows, vectors};
 use crate::mlp::{Adam, Trained};
 use corf::{Error, Result};
@@ -167,7 +167,7 @@ impl GpuTrainer {
     }
 
     /// Sends rays with their targets; `scale` goes before the gradient of each one's squared error. What is left of the last chunk has no weight.
-    fn send(&self, rays: &[Ray], targets: &[f32], distances: &[f32], scale: f32) {
+    fn send(&self, rays: &[PixelRay], targets: &[f32], distances: &[f32], scale: f32) {
         let mut numbers = Vec::with_capacity(RAY * self.rays_a_chunk * self.chunks);
         for (ray, target) in rays.iter().zip(targets) {
             let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin_m, ray.direction);
@@ -216,7 +216,7 @@ impl Trainer for GpuTrainer {
         Ok(squares.sum::<f64>() / self.targets.len().max(1) as f64)
     }
 
-    fn amplitudes(&mut self, rays: &[Ray], distances: &[f32]) -> Result<Vec<f32>> {
+    fn amplitudes(&mut self, rays: &[PixelRay], distances: &[f32]) -> Result<Vec<f32>> {
         let samples = self.config.samples;
         check_rays(rays.len(), distances.len(), samples)?;
         let at_once = self.rays_a_chunk * self.chunks;

@@ -1,7 +1,7 @@
 //! The network of NeRF² and what it reads.
 
 use super::Nerf2Config;
-use crate::mlp::{Activation, FrequencyEncoding, Network, Source};
+use crate::mlp::{Activation, FrequencyEncoding, LayerInput, Network};
 use corf::numeric::Real;
 
 /// The network: from an encoded position, 8 layers of 256 with a skip to how a point attenuates (2 numbers) and to 256 features; from these,
@@ -11,9 +11,9 @@ pub struct Model {
     /// All layers.
     pub network: Network,
     /// Head of the attenuation: amplitude and phase per metre, before their activations.
-    pub attenuation: Source,
+    pub attenuation: LayerInput,
     /// Head of the signal: amplitude and phase, before their activations.
-    pub signal: Source,
+    pub signal: LayerInput,
     /// Encoding of position, direction and transmitter alike.
     pub encoding: FrequencyEncoding,
 }
@@ -22,7 +22,7 @@ impl Model {
     /// The network of a configuration.
     pub fn new(config: &Nerf2Config) -> Self {
         let encoding = FrequencyEncoding { frequencies: config.frequencies };
-        let (position, outside) = (Source::Input(0), Source::Input(1));
+        let (position, outside) = (LayerInput::Input(0), LayerInput::Input(1));
         let mut network = Network::new(&[encoding.width(), 2 * encoding.width()]);
         let read = network.trunk(&[position], config.layers, config.width, config.skip);
         let attenuation = network.add(&read, 2, Activation::Identity);

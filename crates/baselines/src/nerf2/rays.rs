@@ -7,7 +7,7 @@ use corf_scene::{Pinhole, Raster, Rigid3, Rng};
 
 /// A pixel's ray in the world frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ray {
+pub struct PixelRay {
     /// The receiver, metres.
     pub origin_m: [f32; 3],
     /// Unit vector.
@@ -18,7 +18,7 @@ pub struct Ray {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Batch {
     /// The rays.
-    pub rays: Vec<Ray>,
+    pub rays: Vec<PixelRay>,
     /// Observed value of each.
     pub targets: Vec<f32>,
     /// Distances of each ray's samples, ascending, metres: `rays × samples`.
@@ -97,14 +97,14 @@ impl TrainingRays {
 }
 
 /// Rays of all pixels of a view, row by row.
-pub fn view_rays(camera: &Pinhole, world_from_camera: &Rigid3) -> Vec<Ray> {
+pub fn view_rays(camera: &Pinhole, world_from_camera: &Rigid3) -> Vec<PixelRay> {
     (0..camera.width * camera.height).map(|pixel| ray(camera, world_from_camera, pixel)).collect()
 }
 
-fn ray(camera: &Pinhole, world_from_camera: &Rigid3, pixel: usize) -> Ray {
+fn ray(camera: &Pinhole, world_from_camera: &Rigid3, pixel: usize) -> PixelRay {
     let direction = world_from_camera.transform_vector(camera.pixel_direction(pixel % camera.width, pixel / camera.width));
     let single = |v: glam::DVec3| [v.x as f32, v.y as f32, v.z as f32];
-    Ray { origin_m: single(world_from_camera.translation), direction: single(direction) }
+    PixelRay { origin_m: single(world_from_camera.translation), direction: single(direction) }
 }
 
 /// Distances of the samples of `rays` rays, metres. With jitter a ray is cut into equal parts, and `within` says where in each of them

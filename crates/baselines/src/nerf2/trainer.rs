@@ -1,7 +1,7 @@
 //! Interface of what trains a field and predicts spectra, on either device; and the field on disk.
 
 use super::rays::{distances, view_rays};
-use super::{Batch, Model, Nerf2Config, Ray};
+use super::{Batch, Model, Nerf2Config, PixelRay};
 use crate::mlp::Trained;
 use corf::files::tensors::{self, Kind, Tensor, Tensors};
 use corf::{Error, Result};
@@ -27,7 +27,7 @@ pub trait Trainer {
     ///
     /// # Errors
     /// The device's.
-    fn amplitudes(&mut self, rays: &[Ray], distances: &[f32]) -> Result<Vec<f32>>;
+    fn amplitudes(&mut self, rays: &[PixelRay], distances: &[f32]) -> Result<Vec<f32>>;
 
     /// Parameters and optimiser.
     ///

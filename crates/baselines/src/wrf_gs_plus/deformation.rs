@@ -65,7 +65,7 @@ impl<T: Real> Deformation<T> {
 
     fn offsets(&self, tape: &Tape<T>, i: usize) -> Offsets<T> {
         let m = &self.model;
-        fn row<T, const N: usize>(tape: &Tape<T>, head: crate::mlp::Source, i: usize, width: usize) -> [T; N]
+        fn row<T, const N: usize>(tape: &Tape<T>, head: crate::mlp::LayerInput, i: usize, width: usize) -> [T; N]
         where
             T: Real,
         {

@@ -162,7 +162,7 @@ fn gradients_in_gaussians_and_network_are_those_of_finite_differences() {
         }
         assert!(largest > 0.1);
         // As published, the displacement is predicted and nothing learns it.
-        let Model { network, position: crate::mlp::Source::Layer(head), .. } = &deformation.model else { unreachable!() };
+        let Model { network, position: crate::mlp::LayerInput::Layer(head), .. } = &deformation.model else { unreachable!() };
         let of_head = &gradient[network.layers()[*head].weights()];
         assert_eq!(of_head.iter().any(|g| *g != 0.0), move_positions);
     }

@@ -6,7 +6,7 @@ use crate::render::poses::PoseFile;
 use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_scene::config::{DatasetConfig, SceneConfig};
-use corf_scene::export::mitsuba::{self, Summary, Views};
+use corf_scene::export::mitsuba::{self, MitsubaSummary, Views};
 use corf_scene::{Pinhole, Rigid3, Scene, trajectory};
 use std::path::Path;
 
@@ -90,7 +90,7 @@ fn world_from_camera(poses: Vec<trajectory::TrajectoryPose>) -> Vec<Rigid3> {
 ///
 /// # Errors
 /// As [`mitsuba::write`].
-pub fn write(scene: &Scene, views: Option<&Views>, folder: &Path) -> Result<Summary> {
+pub fn write(scene: &Scene, views: Option<&Views>, folder: &Path) -> Result<MitsubaSummary> {
     let summary = mitsuba::write(scene, views, folder)?;
     summary.approximated.iter().for_each(|what| note!("note: {what}"));
     Ok(summary)
@@ -100,7 +100,7 @@ pub fn write(scene: &Scene, views: Option<&Views>, folder: &Path) -> Result<Summ
 ///
 /// # Errors
 /// Standard output that cannot be written.
-pub fn report(summary: &Summary, out: &Path, json: bool) -> Result<Verdict> {
+pub fn report(summary: &MitsubaSummary, out: &Path, json: bool) -> Result<Verdict> {
     let text = format!(
         "{}: {} shapes, {} materials, {} textures, {} emitters, {} triangles, {} sensors",
         out.display(),

@@ -3,7 +3,7 @@
 use super::{Verdict, show};
 use crate::files::separation::{Reads, keep_apart};
 use crate::note;
-use crate::scenes::stub::{self, Source, Stub};
+use crate::scenes::stub::{self, MeshSource, Stub};
 use crate::terminal::progress::Stage;
 use crate::terminal::shell;
 use anyhow::{Context, Result};
@@ -80,7 +80,7 @@ impl New {
         }
         let file = path_from(out.parent().unwrap_or(Path::new("")), &self.mesh)?;
         let name = format!("{stem}.toml");
-        let source = Source { mesh: &self.mesh, file: &file, up, toml: &name, height_m: self.height };
+        let source = MeshSource { mesh: &self.mesh, file: &file, up, toml: &name, height_m: self.height };
         let stub = stub::make(&scene, &source)?;
         // The scene file last: where it is, all is.
         io::write_atomic(&preview, &stub.preview)?;

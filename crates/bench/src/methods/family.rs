@@ -15,7 +15,7 @@ pub struct Family {
     pub variants: &'static [Variant],
     /// Keys that a variant's name decides: a record must not say one thing and do another, so a caller may not set them.
     pub decided: &'static [&'static str],
-    /// Makes the method of that name with these settings, [`settings`] of the caller's.
+    /// Makes the method of that name with these settings, [`settings`](super::registry::settings) of the caller's.
     pub create: fn(&str, toml::Table, &Backend) -> Result<Box<dyn Method>>,
     /// How a finished run becomes a predictor again.
     pub open: Open,

@@ -11,14 +11,14 @@ use std::f64::consts::TAU;
 
 /// The transmitter, and the element of the platform's array, of a data set that knows them.
 #[derive(Clone, Copy, Debug)]
-pub struct FreeSpace {
+pub struct FreeSpaceLink {
     transmitter: Antenna,
     position_m: DVec3,
     receiver: ReceiverConfig,
     wavelength_m: f64,
 }
 
-impl FreeSpace {
+impl FreeSpaceLink {
     /// Of a data set; `None` where its header does not say all of it, as that of a capture.
     pub fn of(header: &DatasetHeader) -> Option<Self> {
         let (transmitter, receiver) = header.transmitter.as_ref().zip(header.receiver)?;
@@ -53,8 +53,8 @@ mod tests {
     use corf_raytrace::radio::{AntennaPattern, Polarization};
 
     /// A transmitter at the origin whose boresight is +x.
-    fn link() -> FreeSpace {
-        FreeSpace {
+    fn link() -> FreeSpaceLink {
+        FreeSpaceLink {
             transmitter: Antenna::default(),
             position_m: DVec3::ZERO,
             receiver: ReceiverConfig::default(),

@@ -19,7 +19,7 @@ use beams::{BeamMetrics, Codebook};
 use corf_scene::dataset::Quantity;
 use corf_scene::keyframe::{DbRange, Modalities};
 use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, color};
-use free_space::FreeSpace;
+use free_space::FreeSpaceLink;
 use lpips::LpipsNetworks;
 use outage::{BeamGains, LinkRates};
 use serde::{Deserialize, Serialize};
@@ -73,7 +73,7 @@ impl Prediction {
 
     /// Both halves of it.
     pub fn halves(&self) -> Halves<'_> {
-        let spectrum = self.radio.as_ref().map(|r| Spectrum { jet: &r.jet, scalar: &r.scalar });
+        let spectrum = self.radio.as_ref().map(|r| PredictedSpectrum { jet: &r.jet, scalar: &r.scalar });
         Halves { image: self.image.as_ref(), spectrum }
     }
 }
@@ -84,12 +84,12 @@ pub struct Halves<'a> {
     /// Optical image, sRGB-encoded `[0, 1]`.
     pub image: Option<&'a Raster<[f32; 3]>>,
     /// The spectrum.
-    pub spectrum: Option<Spectrum<'a>>,
+    pub spectrum: Option<PredictedSpectrum<'a>>,
 }
 
 /// A predicted spectrum, as [`Prediction`] holds it.
 #[derive(Clone, Copy, Debug)]
-pub struct Spectrum<'a> {
+pub struct PredictedSpectrum<'a> {
     /// Jet-coloured, `[0, 1]`.
     pub jet: &'a Raster<[f32; 3]>,
     /// On the dataset's dB range, `[0, 1]`.
@@ -148,7 +148,7 @@ pub struct SpectrumMetrics {
 
 /// A predicted spectrum beside the observed one, in 8 bits.
 struct SpectrumPair<'a> {
-    predicted: Spectrum<'a>,
+    predicted: PredictedSpectrum<'a>,
     /// Linear power.
     truth: &'a Raster<f32>,
     jet: Raster<[u8; 3]>,
@@ -170,7 +170,7 @@ struct SpectrumEvaluator {
     radio_camera: Pinhole,
     range: DbRange,
     codebook: Option<Codebook>,
-    free_space: Option<FreeSpace>,
+    free_space: Option<FreeSpaceLink>,
 }
 
 impl Evaluator {
@@ -178,7 +178,7 @@ impl Evaluator {
     pub fn of(input: &Input) -> Self {
         let dataset = &input.dataset;
         let spectra = dataset.db_range().map(|range| SpectrumEvaluator {
-            free_space: FreeSpace::of(dataset.header()),
+            free_space: FreeSpaceLink::of(dataset.header()),
             ..SpectrumEvaluator::new(dataset.radio_camera(), range, dataset.header().quantity)
         });
         Self { spectra, networks: input.networks.clone() }
@@ -230,7 +230,7 @@ impl SpectrumEvaluator {
         Self { radio_camera, range, codebook: Codebook::of(radio_camera, quantity), free_space: None }
     }
 
-    fn pair<'a>(&self, predicted: Spectrum<'a>, truth: &'a Raster<f32>) -> SpectrumPair<'a> {
+    fn pair<'a>(&self, predicted: PredictedSpectrum<'a>, truth: &'a Raster<f32>) -> SpectrumPair<'a> {
         let scalar_truth = truth.map(|&s| self.range.scalar(s));
         SpectrumPair {
             predicted,

@@ -28,7 +28,7 @@ use std::path::Path;
 
 /// What the author of a publication says of it.
 #[derive(Clone, Debug)]
-pub struct Statement {
+pub struct PublicationStatement {
     /// Name, in one line.
     pub title: String,
     /// Who made the data, one at least.
@@ -113,7 +113,7 @@ impl std::str::FromStr for Author {
 /// A data set about to be published.
 pub struct Publication<'d> {
     dataset: &'d Dataset,
-    statement: Statement,
+    statement: PublicationStatement,
     splits: Vec<NamedSplit>,
     validation: Vec<usize>,
 }
@@ -138,7 +138,7 @@ impl<'d> Publication<'d> {
     ///
     /// # Errors
     /// An imported capture without the answers that only its maker knows; values of which the data set has none.
-    pub fn new(dataset: &'d Dataset, statement: Statement) -> Result<Self> {
+    pub fn new(dataset: &'d Dataset, statement: PublicationStatement) -> Result<Self> {
         let missing: Vec<&str> = [
             ("--collection", statement.answers.collection.is_none()),
             ("--sensitive", statement.answers.sensitive.is_none()),

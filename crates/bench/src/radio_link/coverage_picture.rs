@@ -1,7 +1,7 @@
 //! A coverage map as a picture: colours, walls, transmitters, axes in metres and a scale.
 
 use corf_raytrace::radio::coverage::CoveragePlane;
-use corf_scene::draw::{Anchor, Canvas, Format, clip, hex, metre_axes, text};
+use corf_scene::draw::{Canvas, Format, TextAnchor, clip, hex, metre_axes, text};
 use corf_scene::{Raster, Scene, color};
 use glam::{DVec2, DVec3};
 
@@ -85,8 +85,11 @@ impl<'m> CoveragePicture<'m> {
             canvas.disc(x, y, 6.0, hex(0xe8303a));
             canvas.disc(x, y, 2.0, PAPER);
             let inside = x > left as f32 && x < (left + width) as f32;
-            let (label_x, anchor) =
-                if inside && x + 60.0 > (left + width) as f32 { (x - 12.0, Anchor::Right) } else { (x + 12.0, Anchor::Left) };
+            let (label_x, anchor) = if inside && x + 60.0 > (left + width) as f32 {
+                (x - 12.0, TextAnchor::Right)
+            } else {
+                (x + 12.0, TextAnchor::Left)
+            };
             let label = if transmitters.len() == 1 { "TX".into() } else { format!("TX{number}") };
             text(&mut canvas, &label, [label_x, y + 5.0], anchor, CAP, PAPER);
         }
@@ -129,7 +132,7 @@ impl<'m> CoveragePicture<'m> {
         let height_of = if self.is_ground_plan() { format!(" AT z = {:.2} m", self.plane.corner.z) } else { String::new() };
         let of = if transmitters == 1 { String::new() } else { format!(" OF THE STRONGEST OF {transmitters}") };
         let title = format!("RSSI{height_of}{of}, {} dBm TRANSMITTED", self.tx_power_dbm);
-        text(canvas, &title, [left, top - 38.0], Anchor::Left, CAP + 1.0, INK);
+        text(canvas, &title, [left, top - 38.0], TextAnchor::Left, CAP + 1.0, INK);
     }
 
     /// Whether it is horizontal, columns to the east.
@@ -151,9 +154,9 @@ impl<'m> CoveragePicture<'m> {
             let dbm = i as f64 * step;
             let y = bottom - ((dbm - low) / (high - low)) as f32 * (bottom - top);
             canvas.line([left + bar, y], [left + bar + 5.0, y], 1.2, INK);
-            text(canvas, &format!("{dbm}"), [left + bar + 14.0, y + 0.5 * CAP], Anchor::Left, CAP, INK);
+            text(canvas, &format!("{dbm}"), [left + bar + 14.0, y + 0.5 * CAP], TextAnchor::Left, CAP, INK);
         }
-        text(canvas, "dBm", [left, top - 14.0], Anchor::Left, CAP, INK);
+        text(canvas, "dBm", [left, top - 14.0], TextAnchor::Left, CAP, INK);
     }
 }
 

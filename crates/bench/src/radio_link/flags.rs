@@ -1,7 +1,7 @@
 //! The flags by which every command that traces radio says how. Their defaults are those of a data set's `[rf]` ([`SpectrumConfig`]) or of what a
 //! command reads; `corf coverage` alone has a default of its own, of directions, and says why.
 //!
-//! [`SpectrumConfig`]: corf_scene::config::RfConfig
+//! [`SpectrumConfig`]: corf_scene::config::SpectrumConfig
 
 use clap::Args;
 use corf_scene::{Error, Result};
@@ -65,7 +65,7 @@ impl PathArgs {
     }
 }
 
-/// The values of a configuration that `$args` ([`PathArgs`]) go over, which [`SpectrumConfig`](corf_scene::config::RfConfig) and `LinkConfig` name alike.
+/// The values of a configuration that `$args` ([`PathArgs`]) go over, which [`SpectrumConfig`](corf_scene::config::SpectrumConfig) and `LinkConfig` name alike.
 macro_rules! path_args_over {
     ($args:expr, $config:expr) => {
         $args.over($crate::radio_link::PathValues {

@@ -35,7 +35,7 @@ pub fn receivers(config: &SceneConfig, points: &[Point], file: Option<&Path>, po
 fn read(path: &Path) -> Result<Vec<DVec3>> {
     let place = path.display().to_string();
     let points = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) {
-        let npz::Numbers { shape, values, stored } = npz::decode_npy(&io::read(path)?, &place)?;
+        let npz::NpyNumbers { shape, values, stored } = npz::decode_npy(&io::read(path)?, &place)?;
         if stored == npz::Scalar::Whole {
             let what = "holds whole numbers, which may be anything from millimetres up";
             return Err(Error::invalid(place, what, "save metres as float64").into());

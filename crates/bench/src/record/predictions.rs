@@ -152,7 +152,7 @@ pub fn load(folder: &Path, index: usize) -> Option<Kept> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::Spectrum;
+    use crate::metrics::PredictedSpectrum;
     use corf_scene::io::encode_png;
     use corf_scene::{Light, Radio, Rigid3};
 
@@ -181,7 +181,7 @@ mod tests {
             light: Some(Light::of_image(image.map(|p| p.map(quantize8)))),
             radio: Some(Radio { spectrum: scalar.clone() }),
         };
-        let halves = Halves { image: Some(&image), spectrum: Some(Spectrum { jet: &jet, scalar: &scalar }) };
+        let halves = Halves { image: Some(&image), spectrum: Some(PredictedSpectrum { jet: &jet, scalar: &scalar }) };
         keep(folder.path(), &truth, halves).unwrap();
         let bytes: u64 = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().metadata().unwrap().len()).sum();
         assert!(bytes < 100_000, "{bytes}");

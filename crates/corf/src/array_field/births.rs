@@ -1,6 +1,6 @@
 //! Where rays of several keyframes meet: the places at which virtual sources are born.
 
-use super::peaks::Ray;
+use super::peaks::SpectrumRay;
 use corf_scene::Rigid3;
 use corf_scene::model::world_from_array;
 use glam::DVec3;
@@ -24,9 +24,9 @@ pub struct Sighting {
 
 impl Sighting {
     /// Rays seen by a camera at a pose.
-    pub fn new(world_from_camera: &Rigid3, rays: &[Ray]) -> Self {
+    pub fn new(world_from_camera: &Rigid3, rays: &[SpectrumRay]) -> Self {
         let turned = world_from_array(world_from_camera);
-        let ray = |r: &Ray| (turned * DVec3::from_array(r.direction.map(f64::from)), f64::from(r.power));
+        let ray = |r: &SpectrumRay| (turned * DVec3::from_array(r.direction.map(f64::from)), f64::from(r.power));
         Self { place_m: world_from_camera.translation, rays: rays.iter().map(ray).collect() }
     }
 

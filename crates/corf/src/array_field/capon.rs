@@ -10,7 +10,7 @@
 //! Everything is in double precision: forms of R⁻¹ cancel to ε/N of its entries.
 
 use super::beam::ArrayBeam;
-use super::symmetric::Symmetric;
+use super::symmetric::SymmetricMatrix;
 use super::wave::Wave;
 use crate::Real;
 
@@ -26,7 +26,7 @@ pub struct Capon {
 struct Inverse {
     /// Power of all waves.
     total: f64,
-    matrix: Symmetric,
+    matrix: SymmetricMatrix,
     /// bᵀR⁻¹b, at least N/(N + ε).
     at_pixels: Vec<f64>,
 }
@@ -82,9 +82,9 @@ impl Capon {
     }
 
     /// Σ p·bbᵀ of a table, with something added to the diagonal.
-    fn matrix(&self, table: &[f64], diagonal: f64) -> Symmetric {
+    fn matrix(&self, table: &[f64], diagonal: f64) -> SymmetricMatrix {
         let [columns, rows] = self.beam.elements();
-        Symmetric::new(columns * rows, |m, n| {
+        SymmetricMatrix::new(columns * rows, |m, n| {
             let [difference, sum] = self.lags(m, n);
             let [cos, sin] =
                 [difference.cosine(), sum.sine()].map(|terms| terms.iter().map(|(factor, at)| factor * table[*at]).sum::<f64>());
@@ -93,7 +93,7 @@ impl Capon {
     }
 
     /// bᵀQb as a table.
-    fn form(&self, q: &Symmetric) -> Vec<f64> {
+    fn form(&self, q: &SymmetricMatrix) -> Vec<f64> {
         let [columns, rows] = self.beam.elements();
         let mut table = vec![0.0; 4 * columns * rows];
         for (m, row) in q.rows().enumerate() {

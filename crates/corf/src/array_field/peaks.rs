@@ -18,7 +18,7 @@ const SAME: f32 = 0.999_39;
 
 /// A ray that a spectrum shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ray {
+pub struct SpectrumRay {
     /// Unit direction, array frame.
     pub direction: [f32; 3],
     /// Linear power.
@@ -26,7 +26,7 @@ pub struct Ray {
 }
 
 /// The rays of a spectrum that are no more than `range_db` below the strongest, strongest first.
-pub fn rays(sensor: &ArraySensor<f32>, camera: &Pinhole, spectrum: &[f32], range_db: f32) -> Vec<Ray> {
+pub fn rays(sensor: &ArraySensor<f32>, camera: &Pinhole, spectrum: &[f32], range_db: f32) -> Vec<SpectrumRay> {
     let below = 10f32.powf(-0.1 * range_db);
     let mut rays = match sensor {
         ArraySensor::Capon(capon) => maxima(camera, spectrum, capon.peak() as f32, below),
@@ -39,7 +39,7 @@ pub fn rays(sensor: &ArraySensor<f32>, camera: &Pinhole, spectrum: &[f32], range
 /// Local maxima of Capon's spectrum inside the frame. Its reciprocal is a quadratic form of steering vectors: close to a parabola around a wave even
 /// where the peak is narrower than a pixel, so that the vertex says how high the peak is between pixels; `peak` is that of a wave of the power 1.
 /// Rays that are less than a share `below` of the strongest are left out.
-fn maxima(camera: &Pinhole, spectrum: &[f32], peak: f32, below: f32) -> Vec<Ray> {
+fn maxima(camera: &Pinhole, spectrum: &[f32], peak: f32, below: f32) -> Vec<SpectrumRay> {
     let (width, height) = (camera.width, camera.height);
     let around =
         |at: usize| [at - width - 1, at - width, at - width + 1, at - 1, at + 1, at + width - 1, at + width, at + width + 1];
@@ -53,20 +53,23 @@ fn maxima(camera: &Pinhole, spectrum: &[f32], peak: f32, below: f32) -> Vec<Ray>
         let vertices = [1, width].map(|stride| Vertex::of([at - stride, at, at + stride].map(|i| -1.0 / f64::from(spectrum[i]))));
         let reciprocal = 1.0 / f64::from(spectrum[at]);
         let lowest = (reciprocal - vertices.map(|v| v.rise).iter().sum::<f64>()).max(reciprocal / MOST_BETWEEN);
-        Ray { direction: between(camera, at, vertices.map(|v| v.offset)).map(|v| v as f32), power: (1.0 / lowest) as f32 / peak }
+        SpectrumRay {
+            direction: between(camera, at, vertices.map(|v| v.offset)).map(|v| v as f32),
+            power: (1.0 / lowest) as f32 / peak,
+        }
     };
-    let mut rays: Vec<Ray> = (0..spectrum.len()).filter(inside).filter(highest).map(ray).collect();
+    let mut rays: Vec<SpectrumRay> = (0..spectrum.len()).filter(inside).filter(highest).map(ray).collect();
     let least = below * rays.iter().map(|ray| ray.power).fold(0.0, f32::max);
     rays.retain(|ray| ray.power >= least);
     rays
 }
 
 /// Rays taken off one after the other, none below a share of the strongest pixel.
-fn cleaned(sensor: &ArraySensor<f32>, camera: &Pinhole, spectrum: &[f32], below: f32) -> Vec<Ray> {
+fn cleaned(sensor: &ArraySensor<f32>, camera: &Pinhole, spectrum: &[f32], below: f32) -> Vec<SpectrumRay> {
     let mut left = spectrum.to_vec();
     let strongest = spectrum.iter().copied().fold(0.0, f32::max);
     let least = strongest * below;
-    let mut rays: Vec<Ray> = vec![];
+    let mut rays: Vec<SpectrumRay> = vec![];
     for _ in 0..MOST_COMPONENTS {
         let at = (0..left.len()).fold(0, |best, i| if left[i] > left[best] { i } else { best });
         if left[at] < least || least <= 0.0 {
@@ -81,7 +84,7 @@ fn cleaned(sensor: &ArraySensor<f32>, camera: &Pinhole, spectrum: &[f32], below:
         left.iter_mut().zip(&response).for_each(|(left, response)| *left -= power * response);
         match rays.iter_mut().find(|ray| dot(ray.direction, direction) > SAME) {
             Some(ray) => ray.power += power,
-            None => rays.push(Ray { direction, power }),
+            None => rays.push(SpectrumRay { direction, power }),
         }
     }
     rays

@@ -3,7 +3,7 @@
 //! Lobes of specular paths slide over the walls as the receiver moves, so that nothing bound to a wall can show them; the remainder
 //! is a picture of the surfaces. Where lobes hide it, it is filled in from around them.
 
-use super::peaks::{Ray, refined};
+use super::peaks::{SpectrumRay, refined};
 use super::sensor::ArraySensor;
 use super::wave::Wave;
 use corf_scene::{Pinhole, Raster};
@@ -22,7 +22,7 @@ const FILLED_FROM: usize = 6;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Peeled {
     /// Lobes that stand out, strongest first.
-    pub rays: Vec<Ray>,
+    pub rays: Vec<SpectrumRay>,
     /// What is left, linear, as the spectrum.
     pub remainder: Raster<f32>,
 }
@@ -53,7 +53,7 @@ pub fn peel(sensor: &ArraySensor<f32>, camera: &Pinhole, spectrum: &Raster<f32>,
             *left -= power * response;
             *lobes += power * response;
         }
-        rays.push(Ray { direction, power });
+        rays.push(SpectrumRay { direction, power });
     }
     rays.sort_by(|a, b| b.power.total_cmp(&a.power));
     let hidden: Vec<bool> = lobes.iter().zip(pixels).map(|(l, p)| *l > HIDES * p).collect();

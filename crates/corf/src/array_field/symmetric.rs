@@ -4,12 +4,12 @@ use rayon::prelude::*;
 
 /// A symmetric matrix, stored whole, by rows.
 #[derive(Clone, Debug)]
-pub(super) struct Symmetric {
+pub(super) struct SymmetricMatrix {
     n: usize,
     entries: Vec<f64>,
 }
 
-impl Symmetric {
+impl SymmetricMatrix {
     /// The matrix of the entries (row, column) ↦ `entry`, of which both triangles are asked for.
     pub fn new(n: usize, entry: impl Fn(usize, usize) -> f64) -> Self {
         Self { n, entries: (0..n * n).map(|i| entry(i / n, i % n)).collect() }
@@ -87,7 +87,7 @@ fn add(to: &mut [f64], factor: f64, row: &[f64]) {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::Symmetric;
+    use super::SymmetricMatrix;
     use corf_scene::Rng;
 
     #[test]
@@ -101,7 +101,7 @@ mod tests {
             .collect();
         let loaded = |by: f64| {
             let product = |i: usize, j: usize| vectors.iter().map(|v| v[i] * v[j]).sum::<f64>();
-            Symmetric::new(N, |i, j| product(i, j) + if i == j { by } else { 0.0 })
+            SymmetricMatrix::new(N, |i, j| product(i, j) + if i == j { by } else { 0.0 })
         };
         let (a, inverse) = (loaded(1e-3), loaded(1e-3).inverse().unwrap());
         // A⁻¹AA⁻¹ is A⁻¹, and AA⁻¹ is 1.
@@ -113,6 +113,6 @@ mod tests {
             }
         }
         assert!(loaded(0.0).inverse().is_none_or(|inverse| inverse.trace() > 1e10), "rank 9 of 12");
-        assert!(Symmetric::new(3, |_, _| 0.0).inverse().is_none());
+        assert!(SymmetricMatrix::new(3, |_, _| 0.0).inverse().is_none());
     }
 }

@@ -5,7 +5,7 @@ use super::births::{Sighting, meeting};
 use super::cloud::Cloud;
 use super::config::ArrayConfig;
 use super::field::ArrayField;
-use super::peaks::{Ray, rays};
+use super::peaks::{SpectrumRay, rays};
 use super::peel::{Peeled, peel};
 use super::refine::{prune, refine};
 use super::sensor::{ArraySensor, SensorSettings};
@@ -173,7 +173,7 @@ impl ArrayTrainer {
         self.views.push(View { pose: *pose, background, log, receiver });
     }
 
-    fn strongest(&self, spectrum: &Raster<f32>) -> Vec<Ray> {
+    fn strongest(&self, spectrum: &Raster<f32>) -> Vec<SpectrumRay> {
         let mut found = rays(&self.sensor, &self.field.camera, spectrum.pixels(), self.config.ray_range_db);
         found.truncate(self.config.rays);
         found

@@ -1,7 +1,7 @@
 //! Dense, affine-invariant inverse depth: where it comes from.
 
 use super::{dense::Dense, folder::FolderPrior};
-use crate::image_networks::depth_anything::Network;
+use crate::image_networks::depth_anything::DepthNetwork;
 use crate::{
     Error, Result,
     config::{DepthConfig, DepthPriorKind, PriorPreset},
@@ -27,7 +27,7 @@ pub enum DepthPrior {
     /// Maps that are there already.
     Folder(FolderPrior),
     /// Depth-Anything-V2.
-    DepthAnything(Arc<Network>),
+    DepthAnything(Arc<DepthNetwork>),
     /// No dense prior.
     None,
 }
@@ -48,7 +48,7 @@ impl DepthPrior {
             DepthPriorKind::Measured => Self::Measured,
             DepthPriorKind::Folder => Self::Folder(FolderPrior::new(named("folder", &config.folder)?, config)),
             DepthPriorKind::DepthAnything => {
-                Self::DepthAnything(Arc::new(Network::read(&named("weights", &config.weights)?, config)?))
+                Self::DepthAnything(Arc::new(DepthNetwork::read(&named("weights", &config.weights)?, config)?))
             }
             DepthPriorKind::None => Self::None,
         })

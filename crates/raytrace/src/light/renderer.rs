@@ -14,7 +14,7 @@ pub struct View {
 
 /// Method of rendering, with its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Sampling {
+pub enum LightSampling {
     /// Every pixel by itself.
     Path(LightSettings),
     /// From light worked out for all views.
@@ -42,13 +42,13 @@ pub trait Renderer: Send + Sync {
     ///
     /// # Errors
     /// The device's: it was lost, or its memory does not suffice.
-    fn render(&self, camera: &Pinhole, views: &[View], sampling: &Sampling) -> Result<Vec<LightFrame>>;
+    fn render(&self, camera: &Pinhole, views: &[View], sampling: &LightSampling) -> Result<Vec<LightFrame>>;
 
     /// Renders and develops views ([`develop_frame`]).
     ///
     /// # Errors
     /// Those of [`Self::render`].
-    fn develop(&self, camera: &Pinhole, views: &[View], sampling: &Sampling, exposure_ev: f32) -> Result<Vec<Developed>> {
+    fn develop(&self, camera: &Pinhole, views: &[View], sampling: &LightSampling, exposure_ev: f32) -> Result<Vec<Developed>> {
         let developed = |frame: LightFrame| Developed {
             image: develop_frame(&frame, exposure_ev),
             finite: frame.is_finite(),
@@ -82,7 +82,7 @@ pub trait Renderer: Send + Sync {
     }
 }
 
-/// The processor: a tracer and, for [`Sampling::Cached`], its light.
+/// The processor: a tracer and, for [`LightSampling::Cached`], its light.
 pub struct Processor<'a> {
     /// The scene.
     pub tracer: &'a LightTracer<'a>,
@@ -91,11 +91,13 @@ pub struct Processor<'a> {
 }
 
 impl Renderer for Processor<'_> {
-    fn render(&self, camera: &Pinhole, views: &[View], sampling: &Sampling) -> Result<Vec<LightFrame>> {
+    fn render(&self, camera: &Pinhole, views: &[View], sampling: &LightSampling) -> Result<Vec<LightFrame>> {
         let one = |view: &View| match (sampling, &self.cache) {
-            (Sampling::Path(settings), _) => Ok(self.tracer.render(camera, &view.world_from_camera, settings, view.key)),
-            (Sampling::Cached(settings), Some(cache)) => Ok(cache.render(camera, &view.world_from_camera, settings, view.key)),
-            (Sampling::Cached(_), None) => Err(no_cache()),
+            (LightSampling::Path(settings), _) => Ok(self.tracer.render(camera, &view.world_from_camera, settings, view.key)),
+            (LightSampling::Cached(settings), Some(cache)) => {
+                Ok(cache.render(camera, &view.world_from_camera, settings, view.key))
+            }
+            (LightSampling::Cached(_), None) => Err(no_cache()),
         };
         views.iter().map(one).collect()
     }

@@ -87,8 +87,8 @@ impl Directions {
     }
 
     /// The cell of a number, to be cut into `most` × `most` parts or fewer.
-    pub fn cell(&self, number: usize, most: usize) -> Cell {
-        Cell {
+    pub fn cell(&self, number: usize, most: usize) -> DirectionCell {
+        DirectionCell {
             middle: self.middle(number),
             sides: self.sides(number),
             first: self.count() + number * most * most,
@@ -112,7 +112,7 @@ impl Directions {
 }
 
 /// The surroundings of a direction of a lattice.
-pub struct Cell {
+pub struct DirectionCell {
     middle: DVec3,
     sides: [DVec3; 2],
     /// Number of its first part.
@@ -121,7 +121,7 @@ pub struct Cell {
     seed: Option<u64>,
 }
 
-impl Cell {
+impl DirectionCell {
     /// One of the cell's side × side parts: a number that no direction and no other cell's part has, and its unit direction, in the world.
     pub fn part(&self, part: usize, side: usize) -> (usize, DVec3) {
         let number = self.first + part;

@@ -1,7 +1,7 @@
 //! The optical half of a keyframe: light at a pose, developed.
 
 use crate::light::{
-    self, CacheSettings, LightCache, LightFrame, LightSettings, LightTracer, Processor, Renderer, Sampling, Spent, View,
+    self, CacheSettings, LightCache, LightFrame, LightSampling, LightSettings, LightTracer, Processor, Renderer, Spent, View,
     ViewSettings,
 };
 use corf_scene::config::{DatasetConfig, LightConfig, LightMethod};
@@ -47,7 +47,7 @@ pub enum LightDevice {
 pub struct LightSensor<'a> {
     renderer: Box<dyn Renderer + 'a>,
     intrinsics: Pinhole,
-    sampling: Sampling,
+    sampling: LightSampling,
     exposure_ev: f32,
     denoiser: Option<Box<dyn Denoise>>,
     writes: LightConfig,
@@ -77,13 +77,13 @@ impl<'a> LightSensor<'a> {
             LightMethod::Cached => Some(cache_settings(config)),
         };
         let sampling = match light.method {
-            LightMethod::Path => Sampling::Path(LightSettings {
+            LightMethod::Path => LightSampling::Path(LightSettings {
                 samples_per_pixel,
                 max_bounces: light.max_bounces,
                 seed: config.seed,
                 ..LightSettings::default()
             }),
-            LightMethod::Cached => Sampling::Cached(ViewSettings {
+            LightMethod::Cached => LightSampling::Cached(ViewSettings {
                 seed: config.seed,
                 samples_per_pixel,
                 most_samples: samples_per_pixel.saturating_mul(MOST_EFFORT),
@@ -149,7 +149,7 @@ impl<'a> LightSensor<'a> {
     /// Sets the exposure, EV.
     pub fn expose(&mut self, exposure_ev: f32) {
         self.exposure_ev = exposure_ev;
-        if let Sampling::Cached(view) = &mut self.sampling {
+        if let LightSampling::Cached(view) = &mut self.sampling {
             view.exposure_ev = exposure_ev;
         }
     }
@@ -171,7 +171,7 @@ impl<'a> LightSensor<'a> {
     }
 
     /// One view.
-    fn render(&self, camera: &Pinhole, view: View, sampling: &Sampling) -> Result<LightFrame> {
+    fn render(&self, camera: &Pinhole, view: View, sampling: &LightSampling) -> Result<LightFrame> {
         self.renderer.render(camera, &[view], sampling)?.pop().ok_or_else(lost)
     }
 
@@ -191,9 +191,9 @@ impl<'a> LightSensor<'a> {
         let fov_deg = 2.0 * (0.5 * self.intrinsics.width as f64 / self.intrinsics.fx).atan().to_degrees();
         let small = Pinhole::from_horizontal_fov(width, height, fov_deg);
         let sampling = match self.sampling {
-            Sampling::Path(path) => Sampling::Path(LightSettings { samples_per_pixel: METERED_SAMPLES, ..path }),
-            Sampling::Cached(view) => {
-                Sampling::Cached(ViewSettings { samples_per_pixel: METERED_SAMPLES, most_samples: METERED_SAMPLES, ..view })
+            LightSampling::Path(path) => LightSampling::Path(LightSettings { samples_per_pixel: METERED_SAMPLES, ..path }),
+            LightSampling::Cached(view) => {
+                LightSampling::Cached(ViewSettings { samples_per_pixel: METERED_SAMPLES, most_samples: METERED_SAMPLES, ..view })
             }
         };
         let (mut sum, mut n) = (0.0_f64, 0usize);

@@ -4,7 +4,7 @@
 //! over the surfaces, all others by photons that follow that chain alone. What follows a scattering is not compared: the library loses it.
 
 use super::reference::{DiffuseReference, DiffuseResult, Estimate, single};
-use super::report::Quantity;
+use super::report::ComparedQuantity;
 use super::{CheckReport, Comparison};
 use crate::radio::diffuse::{Event, Extent, Scattered};
 use crate::radio::{Arrival, DiffuseField, DiffuseSettings, Path, PlanarArray, RadioSettings, RadioTracer, Search};
@@ -202,5 +202,5 @@ fn require(c: &mut Comparison, name: &str, found: f64, expected: f64, tolerance:
     if !ok {
         c.faults.push(format!("{name}: {found:.6e}, the reference has {expected:.6e} ± {tolerance:.1e}"));
     }
-    c.quantities.push(Quantity { name: name.to_string(), found, expected, tolerance });
+    c.quantities.push(ComparedQuantity { name: name.to_string(), found, expected, tolerance });
 }

@@ -36,7 +36,7 @@ pub struct Comparison {
     /// Σ|a|² here over Σ|a_f64|² there, dB.
     pub power_difference_db: f64,
     /// Further numbers of diffuse checks: name, found, expected, tolerance.
-    pub quantities: Vec<Quantity>,
+    pub quantities: Vec<ComparedQuantity>,
     /// Comparisons that could not be made, and why.
     pub notes: Vec<String>,
     /// Quantities outside their tolerance; empty is a pass.
@@ -45,7 +45,7 @@ pub struct Comparison {
 
 /// A number against its reference.
 #[derive(Clone, Debug, Serialize)]
-pub struct Quantity {
+pub struct ComparedQuantity {
     /// Name of the quantity.
     pub name: String,
     /// Found here.

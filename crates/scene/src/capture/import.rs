@@ -1,6 +1,6 @@
 //! From a capture to a data set.
 
-use super::options::ImportOptions;
+use super::options::CaptureOptions;
 use super::plan::Plan;
 use crate::dataset::{DatasetWriter, Extras, KeyframeContent};
 use crate::finding::{Finding, Severity};
@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Words about an import.
 #[derive(Clone, Debug)]
-pub struct ImportReport {
+pub struct CaptureReport {
     /// Changes and assumptions.
     pub notes: Vec<String>,
     /// Warnings: black images, empty depth.
@@ -24,10 +24,10 @@ pub struct ImportReport {
 /// A capture that cannot be read, or that leaves open what only its maker knows: the message says which option settles it. What was
 /// written until then is left to the caller to remove.
 pub fn import<E: From<Error> + Send>(
-    options: &ImportOptions,
+    options: &CaptureOptions,
     out: &Path,
     report: &(dyn Fn(usize, usize) -> std::result::Result<(), E> + Sync),
-) -> std::result::Result<ImportReport, E> {
+) -> std::result::Result<CaptureReport, E> {
     let plan = Plan::of(options)?;
     let writer = DatasetWriter::create(out, &plan.header, false)?;
     let (done, all, left_out) = (AtomicUsize::new(0), plan.shots.len(), LeftOut::default());
@@ -42,7 +42,7 @@ pub fn import<E: From<Error> + Send>(
     writer.finish_with_points(&plan.points)?;
     let mut notes = plan.header.imported.map(|i| i.notes).unwrap_or_default();
     notes.extend(left_out.note());
-    Ok(ImportReport { notes, findings })
+    Ok(CaptureReport { notes, findings })
 }
 
 /// What masks leave out, counted by several threads.
@@ -88,14 +88,14 @@ impl LeftOut {
 ///
 /// # Errors
 /// Those of [`import`], but for what only writing can find.
-pub fn examine(options: &ImportOptions) -> Result<usize> {
+pub fn examine(options: &CaptureOptions) -> Result<usize> {
     let plan = Plan::of(options)?;
     (0..plan.shots.len()).try_for_each(|i| frame(&plan, i, options).map(drop))?;
     Ok(plan.shots.len())
 }
 
 /// Everything of one keyframe.
-fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<KeyframeContent> {
+fn frame(plan: &Plan, index: usize, options: &CaptureOptions) -> Result<KeyframeContent> {
     let header = &plan.header;
     let light = plan.shots[index].image.as_ref().map(|path| light(path, plan, index, options)).transpose()?;
     let radio = match (&plan.spectra, plan.encoding) {
@@ -112,7 +112,7 @@ fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<KeyframeC
 }
 
 /// An image with its depth and its mask, as the data set's camera sees them.
-fn light(path: &Path, plan: &Plan, index: usize, options: &ImportOptions) -> Result<Light> {
+fn light(path: &Path, plan: &Plan, index: usize, options: &CaptureOptions) -> Result<Light> {
     let lens = &plan.shots[index].lens;
     let own = &lens.pinhole;
     let (image, opacity) = io::read_png_and_opacity(path)?;
@@ -125,7 +125,7 @@ fn light(path: &Path, plan: &Plan, index: usize, options: &ImportOptions) -> Res
 }
 
 /// A depth map in metres, 0 where there is none, as the data set's camera sees it.
-fn depth(path: &Path, plan: &Plan, index: usize, options: &ImportOptions) -> Result<Raster<f32>> {
+fn depth(path: &Path, plan: &Plan, index: usize, options: &CaptureOptions) -> Result<Raster<f32>> {
     let lens = &plan.shots[index].lens;
     let map = io::read_map(path)?;
     let size = (lens.pinhole.width, lens.pinhole.height);

@@ -28,8 +28,8 @@ mod spectra;
 mod split;
 
 pub use colmap::read_points;
-pub use import::{ImportReport, examine, import};
-pub use options::{Format, ImportOptions, Offset, RadioCamera, SplitRule, Up};
+pub use import::{CaptureReport, examine, import};
+pub use options::{CaptureOptions, Format, Offset, RadioCamera, SplitRule, Up};
 pub use spectra::RadioValues;
 
 use crate::Rigid3;

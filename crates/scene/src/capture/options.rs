@@ -94,7 +94,7 @@ pub enum SplitRule {
 
 /// What to import, and how to read what its files leave open.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ImportOptions {
+pub struct CaptureOptions {
     /// Layout of the capture.
     pub format: Format,
     /// The capture's folder.
@@ -137,7 +137,7 @@ pub struct ImportOptions {
     pub ignore_masks: bool,
 }
 
-impl ImportOptions {
+impl CaptureOptions {
     /// Width of the range of spectra where nothing says another, dB.
     pub const DYNAMIC_RANGE_DB: f64 = 70.0;
 

@@ -3,7 +3,7 @@
 use super::frame::WorldFromCapture;
 use super::lens::{self, Lens};
 use super::names::Folder;
-use super::options::{Format, ImportOptions, Offset, RadioCamera};
+use super::options::{CaptureOptions, Format, Offset, RadioCamera};
 use super::spectra::{self, Encoding};
 use super::{Capture, Shot, colmap, left_out, names, nerfstudio, plain, rf_3dgs, split};
 use crate::dataset::{ColoredPoint, DatasetHeader, Imported, Quantity};
@@ -44,7 +44,7 @@ const MASKS: &[&str] = &["png"];
 const NOMINAL_PX: usize = 64;
 
 /// Reads a layout.
-fn capture(options: &ImportOptions) -> Result<Capture> {
+fn capture(options: &CaptureOptions) -> Result<Capture> {
     let source = &options.source;
     let place = source.display().to_string();
     if !source.exists() {
@@ -97,7 +97,7 @@ impl Plan {
     ///
     /// # Errors
     /// Those of [`super::import()`].
-    pub fn of(options: &ImportOptions) -> Result<Self> {
+    pub fn of(options: &CaptureOptions) -> Result<Self> {
         options.check()?;
         let Capture { mut shots, points, lists, spectra, files, mut notes } = capture(options)?;
         let light = shots.iter().all(|s| s.image.is_some());
@@ -167,7 +167,7 @@ impl Plan {
 }
 
 /// The data set's name: that which was given, or the folder's.
-fn name(options: &ImportOptions) -> String {
+fn name(options: &CaptureOptions) -> String {
     let folder = || Some(options.source.canonicalize().ok()?.file_name()?.to_string_lossy().into_owned());
     options.name.clone().or_else(folder).unwrap_or_else(|| "capture".into())
 }
@@ -208,7 +208,7 @@ fn nominal(light: &Pinhole) -> Pinhole {
 }
 
 /// The spectra, where there are any, and their camera.
-fn radio(options: &ImportOptions, own: Option<PathBuf>, shots: &[Shot], notes: &mut Vec<String>) -> Result<Option<Radio>> {
+fn radio(options: &CaptureOptions, own: Option<PathBuf>, shots: &[Shot], notes: &mut Vec<String>) -> Result<Option<Radio>> {
     let Some(folder) = options.radio.clone().or(own) else {
         return match options.given_of_radio() {
             None => Ok(None),
@@ -244,7 +244,7 @@ fn radio(options: &ImportOptions, own: Option<PathBuf>, shots: &[Shot], notes: &
     if matches!(options.radio_camera, Some(RadioCamera::Intrinsics(_))) {
         bounds::in_pixels("--rf-camera", &camera)?;
     }
-    if options.radio_values.is_some() && !matches!(survey.encoding, Encoding::Numbers) {
+    if options.radio_values.is_some() && !matches!(survey.encoding, Encoding::NpyNumbers) {
         let what = "the spectra are pictures, whose values are levels in dB between the two of --rf-db";
         return Err(Error::invalid("--rf-values", what, "leave it out, or give the values themselves (EXR, .npy)"));
     }
@@ -253,7 +253,7 @@ fn radio(options: &ImportOptions, own: Option<PathBuf>, shots: &[Shot], notes: &
 }
 
 /// Depth maps of all shots: those that were asked for, or the capture's own.
-fn depths(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<String>) -> Result<Option<Vec<PathBuf>>> {
+fn depths(options: &CaptureOptions, shots: &[Shot], light: bool, notes: &mut Vec<String>) -> Result<Option<Vec<PathBuf>>> {
     let names: Vec<&str> = shots.iter().map(|s| s.name.as_str()).collect();
     let found = match &options.depth {
         Some(folder) if light => Some(Folder::list(folder, DEPTHS, "--depth")?.of(&names, "depth map")?),
@@ -294,7 +294,7 @@ fn depths(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<
 }
 
 /// The masks of all shots, where they have one: those that were asked for, or the capture's own.
-fn masks(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<String>) -> Result<Vec<Option<PathBuf>>> {
+fn masks(options: &CaptureOptions, shots: &[Shot], light: bool, notes: &mut Vec<String>) -> Result<Vec<Option<PathBuf>>> {
     let names: Vec<&str> = shots.iter().map(|s| s.name.as_str()).collect();
     let found: Vec<Option<PathBuf>> = match &options.masks {
         Some(folder) if options.ignore_masks => {
@@ -335,7 +335,7 @@ fn masks(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<S
 ///
 /// # Errors
 /// An image that cannot be read, or of which no pixel counts.
-fn transparency(options: &ImportOptions, shots: &[Shot], notes: &mut Vec<String>) -> Result<()> {
+fn transparency(options: &CaptureOptions, shots: &[Shot], notes: &mut Vec<String>) -> Result<()> {
     let partly = |shot: &Shot| -> Result<bool> {
         let Some(path) = &shot.image else { return Ok(false) };
         if !io::may_be_transparent(&io::read(path)?) {
@@ -363,7 +363,7 @@ fn transparency(options: &ImportOptions, shots: &[Shot], notes: &mut Vec<String>
 
 /// SHA-256 of all files that are read, by their path below the folder they were given with.
 fn sources(
-    options: &ImportOptions,
+    options: &CaptureOptions,
     files: &[PathBuf],
     shots: &[Shot],
     radio: Option<&Radio>,

@@ -33,7 +33,7 @@ pub enum RadioValues {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Encoding {
     /// Numbers.
-    Numbers,
+    NpyNumbers,
     /// Grey levels.
     Grey,
     /// Colours of a Jet.
@@ -71,7 +71,7 @@ struct Seen {
 }
 
 enum Kind {
-    Numbers(Stored),
+    NpyNumbers(Stored),
     Grey,
     Colours(Box<Measured>),
 }
@@ -79,7 +79,7 @@ enum Kind {
 impl Kind {
     fn name(&self) -> &'static str {
         match self {
-            Self::Numbers(_) => "numbers",
+            Self::NpyNumbers(_) => "numbers",
             Self::Grey => "a grey picture",
             Self::Colours(_) => "a picture in Jet",
         }
@@ -121,7 +121,7 @@ impl Reading<'_> {
                 Encoding::Grey,
                 vec![format!("spectra were read from grey pictures over {}; black is no power", words(self.range))],
             ),
-            Kind::Numbers(_) => (Encoding::Numbers, self.of_numbers(&seen, &place(0))?),
+            Kind::NpyNumbers(_) => (Encoding::NpyNumbers, self.of_numbers(&seen, &place(0))?),
             Kind::Colours(_) => {
                 let measured = seen.iter().fold(Measured::default(), |sum, one| match &one.kind {
                     Kind::Colours(measured) => sum.and(measured),
@@ -165,7 +165,7 @@ impl Reading<'_> {
         let unit = if self.values == RadioValues::Db { "decibels" } else { "linear power" };
         let mut notes = vec![format!("spectra were read as numbers: {unit}")];
         let kept = |s: &Seen| match s.kind {
-            Kind::Numbers(stored) => stored,
+            Kind::NpyNumbers(stored) => stored,
             _ => Stored::Float,
         };
         for stored in [Stored::Half, Stored::Lossy] {
@@ -199,7 +199,7 @@ impl Reading<'_> {
         if !is_picture(path) {
             let (power, stored) = self.numbers(path)?;
             let peak = power.pixels().iter().copied().fold(0.0, f32::max);
-            return Ok(Seen { size: (power.width(), power.height()), peak, kind: Kind::Numbers(stored) });
+            return Ok(Seen { size: (power.width(), power.height()), peak, kind: Kind::NpyNumbers(stored) });
         }
         if self.range.is_none() {
             let help = "say which levels its darkest and brightest values are, e.g. --rf-db=-110,-40";
@@ -241,7 +241,7 @@ impl Reading<'_> {
         match encoding {
             Encoding::Jet(jet) => Ok(picture.map(|&p| power(jet.level(p)))),
             Encoding::Grey if is_grey(&picture) => Ok(picture.map(|p| power(p[0]))),
-            Encoding::Grey | Encoding::Numbers => Err(Error::invalid(
+            Encoding::Grey | Encoding::NpyNumbers => Err(Error::invalid(
                 path.display().to_string(),
                 "it was changed while it was imported",
                 "import the capture again",
@@ -318,7 +318,7 @@ mod tests {
         let put = |values: Raster<f32>| io::write_atomic(&path, &io::encode_exr_f32(&values, "Y").unwrap()).unwrap();
         let power = Raster::from_fn(4, 3, |x, y| 1e-9 * (x * y) as f32);
         put(power.clone());
-        assert_eq!(read(&path, RadioValues::Linear, None).unwrap(), (power, Encoding::Numbers));
+        assert_eq!(read(&path, RadioValues::Linear, None).unwrap(), (power, Encoding::NpyNumbers));
         put(Raster::from_fn(4, 3, |x, _| if x == 0 { f32::NEG_INFINITY } else { -10.0 * x as f32 }));
         let (linear, _) = read(&path, RadioValues::Db, None).unwrap();
         assert_eq!(linear.pixels()[..2], [0.0, 0.1]);

@@ -1,7 +1,7 @@
 //! `dataset.json` as it is written.
 
 use super::conventions::Conventions;
-use super::header::{DatasetHeader, SplitLists, Summary};
+use super::header::{DatasetHeader, MeanAndRange, SplitLists};
 use crate::io;
 use crate::keyframe::DbRange;
 use serde::{Deserialize, Serialize};
@@ -36,7 +36,7 @@ pub(super) struct RadioFrames {
     /// Share of the arriving power inside the RF frame.
     pub share_in_frame: Vec<Option<f64>>,
     /// Mean, smallest and largest of those.
-    pub share_in_frame_summary: Option<Summary>,
+    pub share_in_frame_summary: Option<MeanAndRange>,
 }
 
 /// One file of the dataset.

@@ -343,7 +343,7 @@ impl SplitLists {
 /// Mean and range of several numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Summary {
+pub struct MeanAndRange {
     /// Arithmetic mean.
     pub mean: f64,
     /// Smallest.
@@ -352,7 +352,7 @@ pub struct Summary {
     pub max: f64,
 }
 
-impl Summary {
+impl MeanAndRange {
     /// `None` of no numbers.
     pub(super) fn of(values: impl Iterator<Item = f64> + Clone) -> Option<Self> {
         let count = values.clone().count();

@@ -3,7 +3,7 @@
 use super::checks::{check_spectrum, own_file};
 use super::conventions::Conventions;
 use super::file::DatasetFile;
-use super::header::{DATASET_SCHEMA, DatasetHeader, Imported, Summary, from_json, read_trajectory};
+use super::header::{DATASET_SCHEMA, DatasetHeader, Imported, MeanAndRange, from_json, read_trajectory};
 use super::{foreign, layout};
 use crate::keyframe::{DbRange, Light, Modalities, Radio};
 use crate::trajectory::TrajectoryPose;
@@ -194,7 +194,7 @@ impl Dataset {
     }
 
     /// Mean, smallest and largest of [`Dataset::share_in_frame`].
-    pub fn share_in_frame_summary(&self) -> Option<Summary> {
+    pub fn share_in_frame_summary(&self) -> Option<MeanAndRange> {
         self.file.radio_frames.share_in_frame_summary
     }
 

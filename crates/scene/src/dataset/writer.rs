@@ -5,7 +5,7 @@ use super::conventions;
 use super::darkness::{self, Sight};
 use super::export::{self, ColoredPoint, Modality};
 use super::file::{DatasetFile, FileRecord, RadioFrames};
-use super::header::{DATASET_SCHEMA, DatasetHeader, SplitLists, Summary};
+use super::header::{DATASET_SCHEMA, DatasetHeader, MeanAndRange, SplitLists};
 use super::header::{from_json, generator, to_json, trajectory_json};
 use super::{identity, layout, leftovers};
 use crate::finding::Finding;
@@ -467,7 +467,7 @@ impl DatasetWriter {
         let shares = records.iter().map(|r| r.share_in_frame);
         let radio_frames = RadioFrames {
             peak_db: records.iter().map(|r| (r.peak > 0.0).then(|| decibels(r.peak))).collect(),
-            share_in_frame_summary: Summary::of(shares.clone().flatten()),
+            share_in_frame_summary: MeanAndRange::of(shares.clone().flatten()),
             share_in_frame: shares.collect(),
         };
         let mut files: BTreeMap<String, FileRecord> = BTreeMap::new();

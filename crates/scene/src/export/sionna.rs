@@ -122,7 +122,7 @@ pub struct PoseEntry {
 
 /// Summary of an export by [`write()`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Summary {
+pub struct SionnaSummary {
     /// The folder.
     pub folder: PathBuf,
     /// Number of shapes (PLY files).
@@ -141,7 +141,7 @@ pub struct Summary {
 ///
 /// # Errors
 /// A material without radio properties at the carrier, poses of a scene without a trajectory, files that cannot be written.
-pub fn write(scene: &Scene, config: &SceneConfig, poses: usize, folder: &Path) -> Result<Summary> {
+pub fn write(scene: &Scene, config: &SceneConfig, poses: usize, folder: &Path) -> Result<SionnaSummary> {
     config.check_radio(scene)?;
     let parts = parts(scene);
     let (tx, rx) = (&config.transmitter, &config.receiver);
@@ -201,7 +201,7 @@ pub fn write(scene: &Scene, config: &SceneConfig, poses: usize, folder: &Path) -
     io::write_atomic(folder.join("radio.json"), format!("{json}\n").as_bytes())?;
     // Last: a folder with a scene.xml is complete.
     io::write_atomic(folder.join("scene.xml"), scene_xml(&file).as_bytes())?;
-    Ok(Summary {
+    Ok(SionnaSummary {
         folder: folder.to_path_buf(),
         shapes: file.shapes.len(),
         materials: file.materials.len(),
@@ -212,7 +212,7 @@ pub fn write(scene: &Scene, config: &SceneConfig, poses: usize, folder: &Path) -
 }
 
 /// The triangles of one object and one material.
-struct Part {
+struct ConnectedPart {
     object: u32,
     material: u32,
     positions: Vec<Vec3>,
@@ -220,14 +220,14 @@ struct Part {
 }
 
 /// The scene cut by object and material, in this order, with vertices shared by position within each part.
-fn parts(scene: &Scene) -> Vec<Part> {
+fn parts(scene: &Scene) -> Vec<ConnectedPart> {
     let mut by_key: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
     for (i, triangle) in scene.triangles.iter().enumerate() {
         by_key.entry((triangle.object, triangle.material)).or_default().push(i);
     }
     let cut = |((object, material), members): ((u32, u32), Vec<usize>)| {
         let mut index_of: HashMap<[u32; 3], u32> = HashMap::new();
-        let mut part = Part { object, material, positions: Vec::new(), triangles: Vec::with_capacity(members.len()) };
+        let mut part = ConnectedPart { object, material, positions: Vec::new(), triangles: Vec::with_capacity(members.len()) };
         for i in members {
             part.triangles.push(scene.corners(i).map(|corner| {
                 // −0 and 0 are one position.

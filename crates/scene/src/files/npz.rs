@@ -177,7 +177,7 @@ pub fn encode_npz(arrays: &[Array]) -> Result<Vec<u8>> {
 
 /// The numbers of a `.npy` file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Numbers {
+pub struct NpyNumbers {
     /// Sizes of its axes; empty for a scalar.
     pub shape: Vec<usize>,
     /// Its values, row-major.
@@ -226,7 +226,7 @@ fn type_of(descr: &str) -> Option<(Scalar, usize, bool, Read)> {
 ///
 /// # Errors
 /// The bytes are no such file, or end early.
-pub fn decode_npy(bytes: &[u8], place: &str) -> Result<Numbers> {
+pub fn decode_npy(bytes: &[u8], place: &str) -> Result<NpyNumbers> {
     let fault = |what: String| {
         Error::invalid(
             place,
@@ -268,7 +268,7 @@ pub fn decode_npy(bytes: &[u8], place: &str) -> Result<Numbers> {
         }
         read(little)
     };
-    Ok(Numbers { shape, values: data.chunks_exact(width).map(number).collect(), stored })
+    Ok(NpyNumbers { shape, values: data.chunks_exact(width).map(number).collect(), stored })
 }
 
 #[cfg(test)]

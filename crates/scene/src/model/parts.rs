@@ -20,7 +20,7 @@ const RIM_SAMPLES: usize = 64;
 const THICKNESS_ROUNDING: f64 = 1e-3;
 
 /// Triangles of one object that hang together by their corners.
-pub struct Part {
+pub struct ConnectedPart {
     /// Index into the scene's objects.
     pub object: u32,
     /// Indices into the scene's triangles.
@@ -34,7 +34,7 @@ pub struct Part {
 }
 
 /// All parts of a scene, in the order of their first triangles.
-pub fn parts(scene: &Scene) -> Vec<Part> {
+pub fn parts(scene: &Scene) -> Vec<ConnectedPart> {
     let key = |p: DVec3| (p / WELD_M).round().to_array().map(|x| x as i64);
     let mut corner_ids: HashMap<(u32, [i64; 3]), usize> = HashMap::new();
     let mut parents: Vec<usize> = Vec::new();
@@ -72,7 +72,7 @@ fn root(parents: &mut [usize], mut id: usize) -> usize {
     id
 }
 
-fn part(scene: &Scene, corners: &[[usize; 3]], triangles: Vec<u32>) -> Part {
+fn part(scene: &Scene, corners: &[[usize; 3]], triangles: Vec<u32>) -> ConnectedPart {
     let mut edges: HashMap<[usize; 2], (usize, [DVec3; 2])> = HashMap::new();
     let (mut area, mut oriented) = (0.0, DVec3::ZERO);
     for &t in &triangles {
@@ -89,7 +89,7 @@ fn part(scene: &Scene, corners: &[[usize; 3]], triangles: Vec<u32>) -> Part {
     let mut rim: Vec<([usize; 2], [DVec3; 2])> =
         edges.into_iter().filter(|(_, (count, _))| *count == 1).map(|(ids, (_, places))| (ids, places)).collect();
     rim.sort_by_key(|(ids, _)| *ids);
-    Part {
+    ConnectedPart {
         object: scene.triangles[triangles[0] as usize].object,
         triangles,
         rim: rim.into_iter().map(|(_, places)| places).collect(),
@@ -98,7 +98,7 @@ fn part(scene: &Scene, corners: &[[usize; 3]], triangles: Vec<u32>) -> Part {
     }
 }
 
-impl Part {
+impl ConnectedPart {
     /// Its triangles that close around a volume and face outward: all of them, or all of one material, where sheets of another hang on to them.
     pub fn of_bodies(&self, scene: &Scene) -> Vec<u32> {
         let is_body = |triangles: &[u32]| {

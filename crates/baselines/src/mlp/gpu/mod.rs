@@ -13,7 +13,7 @@ mod plan;
 #[cfg(test)]
 mod tests;
 
-use super::network::{Activation, Network, Source};
+use super::network::{Activation, LayerInput, Network};
 use super::{Adam, Trained};
 use corf::{Error, Result};
 use corf_gpu::{Bound, Context, Kernel, MATRIX_THREADS, UNIFORM_STRIDE, record};
@@ -221,12 +221,12 @@ impl GpuNetwork {
     }
 
     /// Outputs of a layer.
-    pub fn values(&self, layer: Source) -> &wgpu::Buffer {
+    pub fn values(&self, layer: LayerInput) -> &wgpu::Buffer {
         &self.values[number(layer)]
     }
 
     /// Place for the gradient in a head's outputs, filled up with zeros.
-    pub fn head_gradient(&self, head: Source) -> &wgpu::Buffer {
+    pub fn head_gradient(&self, head: LayerInput) -> &wgpu::Buffer {
         &self.gradients[number(head)]
     }
 
@@ -307,10 +307,10 @@ impl GpuNetwork {
     }
 }
 
-fn number(layer: Source) -> usize {
+fn number(layer: LayerInput) -> usize {
     match layer {
-        Source::Layer(l) => l,
-        Source::Input(_) => panic!("an input is no layer"),
+        LayerInput::Layer(l) => l,
+        LayerInput::Input(_) => panic!("an input is no layer"),
     }
 }
 

@@ -1,6 +1,6 @@
 //! The dispatches of a network's forward and backward pass.
 
-use super::super::network::{Activation, Network, Source};
+use super::super::network::{Activation, LayerInput, Network};
 use super::gemm::{Arithmetic, Product, ROWS_A_PART, Shape, Tile};
 use super::layout::Layout;
 use super::{Dispatch, LANES, Products, activation_number, vectors};
@@ -17,10 +17,10 @@ pub(super) struct Buffers<'a> {
 }
 
 impl<'a> Buffers<'a> {
-    fn of(&self, source: Source) -> &'a wgpu::Buffer {
+    fn of(&self, source: LayerInput) -> &'a wgpu::Buffer {
         match source {
-            Source::Input(i) => &self.inputs[i],
-            Source::Layer(l) => &self.values[l],
+            LayerInput::Input(i) => &self.inputs[i],
+            LayerInput::Layer(l) => &self.values[l],
         }
     }
 }
@@ -212,7 +212,7 @@ fn backward(
     let parts = (rows as u32).div_ceil(ROWS_A_PART);
     let most = network.layers().iter().flat_map(|l| l.sources.iter().map(|s| part_vectors(l.outputs, network.width(*s)))).max();
     let partial = p.context.storage("parts of weight gradients", 16 * u64::from(parts) * most.unwrap_or(0) as u64)?;
-    let readers = |l: usize| network.layers().iter().filter(|other| other.sources.contains(&Source::Layer(l))).count();
+    let readers = |l: usize| network.layers().iter().filter(|other| other.sources.contains(&LayerInput::Layer(l))).count();
     let mut left: Vec<usize> = (0..network.layers().len()).map(readers).collect();
     let all = left.clone();
     let mut out = vec![];
@@ -245,7 +245,7 @@ fn backward(
             let constants = p.constants(bytemuck::bytes_of(&sum));
             let bound = p.kernels.reduce.bind(p.context, size_of::<Sum>() as u64, &[&p.constants, &partial, buffers.gradient])?;
             out.push(Dispatch { bound, constants, groups: shape.c_part.div_ceil(64) });
-            let Source::Layer(from) = *source else { continue };
+            let LayerInput::Layer(from) = *source else { continue };
             let shape = Shape {
                 rows: rows as u32,
                 columns: filled(width),

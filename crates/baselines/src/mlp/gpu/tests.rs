@@ -11,17 +11,17 @@ use corf_scene::Rng;
 const ROWS: usize = 4 * 1024 + 90;
 
 /// Every tile and activation, a skip, branches, widths that are no multiples of four.
-fn network() -> (Network, [Source; 2]) {
+fn network() -> (Network, [LayerInput; 2]) {
     network_of([Activation::Relu, Activation::LeakyRelu])
 }
 
-fn network_of([first, second]: [Activation; 2]) -> (Network, [Source; 2]) {
+fn network_of([first, second]: [Activation; 2]) -> (Network, [LayerInput; 2]) {
     let mut n = Network::new(&[63, 5]);
-    let a = n.add(&[Source::Input(0)], 130, first);
-    let b = n.add(&[Source::Input(0), a], 135, second);
+    let a = n.add(&[LayerInput::Input(0)], 130, first);
+    let b = n.add(&[LayerInput::Input(0), a], 135, second);
     let c = n.add(&[b], 24, Activation::Sigmoid);
     let first = n.add(&[b, c], 2, Activation::Identity);
-    let d = n.add(&[c, Source::Input(1)], 67, Activation::Identity);
+    let d = n.add(&[c, LayerInput::Input(1)], 67, Activation::Identity);
     let second = n.add(&[d], 9, Activation::Identity);
     (n, [first, second])
 }
@@ -64,7 +64,7 @@ const RATE: f64 = 1e-2;
 /// Forward, backward twice over the same rows, a step.
 fn on_gpu(
     context: &Context,
-    (network, names): &(Network, [Source; 2]),
+    (network, names): &(Network, [LayerInput; 2]),
     parameters: &[f32],
     inputs: &[Vec<f32>],
     heads: &[Vec<f32>; 2],
@@ -121,7 +121,7 @@ fn half_precision_is_as_exact_as_its_numbers() {
 }
 
 /// Everything against double precision, with gradients of that size.
-fn passes_and_steps_are_exact_to(context: &Context, shape: &(Network, [Source; 2]), size: f32, tolerance: f64) {
+fn passes_and_steps_are_exact_to(context: &Context, shape: &(Network, [LayerInput; 2]), size: f32, tolerance: f64) {
     let (network, names) = shape;
     let parameters: Vec<f32> = network.initial(3);
     let inputs: Vec<Vec<f32>> = network.inputs().iter().enumerate().map(|(i, w)| drawn(w * ROWS, i as u64)).collect();
@@ -191,9 +191,9 @@ fn a_restored_network_is_the_one_that_was_read() {
 #[test]
 fn what_the_kernels_are_not_written_for_is_refused() {
     let mut head = Network::new(&[4]);
-    head.add(&[Source::Input(0)], 4, Activation::Relu);
+    head.add(&[LayerInput::Input(0)], 4, Activation::Relu);
     let mut inside = Network::new(&[4]);
-    let x = inside.add(&[Source::Input(0)], 5, Activation::Sigmoid);
+    let x = inside.add(&[LayerInput::Input(0)], 5, Activation::Sigmoid);
     inside.add(&[x], 4, Activation::Identity);
     for network in [head, inside] {
         assert!(check(&network).unwrap_err().to_string().contains("multiples of 4"));

@@ -9,7 +9,7 @@ use crate::terminal::messages;
 use crate::terminal::progress::Progress;
 use anyhow::Result;
 use clap::{Args, ValueEnum};
-use corf_scene::capture::{self, Format, ImportOptions, Offset, RadioCamera, RadioValues, SplitRule, Up};
+use corf_scene::capture::{self, CaptureOptions, Format, Offset, RadioCamera, RadioValues, SplitRule, Up};
 use corf_scene::dataset::{Dataset, Quantity};
 use corf_scene::keyframe::DbRange;
 use std::path::PathBuf;
@@ -200,7 +200,7 @@ impl FromStr for OffsetArgument {
 }
 
 impl Import {
-    fn options(&self) -> Result<ImportOptions> {
+    fn options(&self) -> Result<CaptureOptions> {
         let format = match self.from {
             Layout::Colmap => Format::Colmap,
             Layout::Nerfstudio => Format::Nerfstudio,
@@ -223,7 +223,7 @@ impl Import {
             Ok(every) => SplitRule::Every(every),
             Err(_) => SplitRule::Listed(PathBuf::from(text)),
         });
-        Ok(ImportOptions {
+        Ok(CaptureOptions {
             name: self.name.clone(),
             images: self.images.clone(),
             without_images: self.no_images,
@@ -250,7 +250,7 @@ impl Import {
             offset: self.offset.as_ref().map(|o| o.0),
             split,
             ignore_masks: self.ignore_masks,
-            ..ImportOptions::new(format, &self.source)
+            ..CaptureOptions::new(format, &self.source)
         })
     }
 

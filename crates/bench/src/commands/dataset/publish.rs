@@ -4,7 +4,7 @@ use super::super::{Verdict, show};
 use crate::files::separation::{Reads, keep_apart};
 use crate::metrics::input::{Input, Verify};
 use crate::note;
-use crate::publish::{Answers, Author, Licence, Publication, Statement};
+use crate::publish::{Answers, Author, Licence, Publication, PublicationStatement};
 use crate::run::claim_fresh;
 use anyhow::Result;
 use clap::Args;
@@ -125,7 +125,7 @@ impl Publish {
             let what = "hashes are published, and would not be known to be the data's";
             return Err(Error::invalid("--no-verify", what, "leave it out").into());
         }
-        let statement = Statement {
+        let statement = PublicationStatement {
             title: self.title.unwrap_or_else(|| dataset.header().name.clone()),
             authors: self.author,
             licence: self.licence,

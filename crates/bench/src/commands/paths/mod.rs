@@ -15,7 +15,7 @@ use crate::terminal::progress::Progress;
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use corf_raytrace::radio::channel::{
-    ArrayLink, LinkStatistics, Ray, Subcarriers, TapFilter, frequency_response, impulse_response,
+    ArrayLink, ChannelRay, LinkStatistics, Subcarriers, TapFilter, frequency_response, impulse_response,
 };
 use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
 use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseSettings, Extent, json};
@@ -404,14 +404,14 @@ impl Paths {
                 let help = format!("give a narrower one: at most {MAX_TAPS} are written");
                 return Err(Error::invalid("--bandwidth", what, help).into());
             }
-            let at_offsets = |rays: &[Ray]| pairs(&frequency_response(rays, &offsets));
-            let at_taps = |rays: &[Ray]| pairs(&impulse_response(rays, bandwidth_hz, taps.clone(), TapFilter::Sinc));
+            let at_offsets = |rays: &[ChannelRay]| pairs(&frequency_response(rays, &offsets));
+            let at_taps = |rays: &[ChannelRay]| pairs(&impulse_response(rays, bandwidth_hz, taps.clone(), TapFilter::Sinc));
             value["frequency_response"] = json!({ "offsets_hz": offsets, "h": at_offsets(&rays) });
             value["impulse_response"] = json!({ "bandwidth_hz": bandwidth_hz, "first_tap": taps.start, "h": at_taps(&rays) });
             if ports > 1 {
                 let row = |r: usize| (0..tx_array.ports()).map(|t| between.rays(r, t, f)).collect::<Vec<_>>();
-                let by_ports: Vec<Vec<Vec<Ray>>> = (0..setup.rx_array.ports()).map(row).collect();
-                let of_each = |response: &dyn Fn(&[Ray]) -> Vec<[f64; 2]>| {
+                let by_ports: Vec<Vec<Vec<ChannelRay>>> = (0..setup.rx_array.ports()).map(row).collect();
+                let of_each = |response: &dyn Fn(&[ChannelRay]) -> Vec<[f64; 2]>| {
                     by_ports.iter().map(|row| row.iter().map(|rays| response(rays)).collect::<Vec<_>>()).collect::<Vec<_>>()
                 };
                 value["frequency_response"]["h_ports"] = json!(of_each(&at_offsets));

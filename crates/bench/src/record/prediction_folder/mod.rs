@@ -1,7 +1,7 @@
 //! Folders of predicted images and spectra, which any program can write and `corf` scores.
 //!
 //! ```text
-//! DIR/predictions.json        what its maker says of them ([`Statement`]); may be left out
+//! DIR/predictions.json        what its maker says of them ([`PredictionStatement`]); may be left out
 //! DIR/images/00017.png        the image: sRGB, 8 or 16 bit
 //! DIR/linear/00017.exr|.npy   the spectrum in linear power, in the data set's quantity, for 1 W transmitted
 //! DIR/scalar/00017.png        or as grey on the data set's decibel range, 8 or 16 bit
@@ -16,11 +16,11 @@ mod files;
 mod statement;
 mod writer;
 
-pub use statement::{Names, Statement};
+pub use statement::{Names, PredictionStatement};
 pub use writer::{PredictionWriter, stated_of};
 
 use crate::files::json::read_json;
-use crate::metrics::{Halves, Spectrum};
+use crate::metrics::{Halves, PredictedSpectrum};
 use crate::split::Split;
 use anyhow::{Result, bail, ensure};
 use corf_scene::dataset::Dataset;
@@ -54,7 +54,7 @@ impl Kind {
 #[derive(Clone, Debug)]
 pub struct PredictionFolder {
     dir: PathBuf,
-    statement: Box<Statement>,
+    statement: Box<PredictionStatement>,
     images: Option<Files>,
     spectra: Option<(Kind, Files)>,
     jet: Option<Files>,
@@ -72,7 +72,7 @@ pub struct Predicted {
 impl Predicted {
     /// As metrics are computed of it.
     pub fn halves(&self) -> Halves<'_> {
-        let spectrum = self.spectrum.as_ref().map(|(jet, scalar)| Spectrum { jet, scalar });
+        let spectrum = self.spectrum.as_ref().map(|(jet, scalar)| PredictedSpectrum { jet, scalar });
         Halves { image: self.image.as_ref(), spectrum }
     }
 }
@@ -129,13 +129,13 @@ impl PredictionFolder {
     ///
     /// # Errors
     /// A file that is not what it should be.
-    pub fn stated(dir: &Path) -> Result<Statement> {
+    pub fn stated(dir: &Path) -> Result<PredictionStatement> {
         let place = dir.join(STATEMENT);
-        if place.exists() { read_json(&place) } else { Ok(Statement::default()) }
+        if place.exists() { read_json(&place) } else { Ok(PredictionStatement::default()) }
     }
 
     /// What its maker says.
-    pub fn statement(&self) -> &Statement {
+    pub fn statement(&self) -> &PredictionStatement {
         &self.statement
     }
 

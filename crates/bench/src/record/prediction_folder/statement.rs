@@ -13,7 +13,7 @@ pub const SCHEMA: &str = "corf-predictions/1";
 /// `predictions.json`; every key may be left out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Statement {
+pub struct PredictionStatement {
     /// [`SCHEMA`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub schema: Option<String>,
@@ -66,7 +66,7 @@ pub enum Names {
 /// Two decibel ranges are one if their ends differ by no more than what a decimal fraction loses in writing, dB.
 const SAME_DB: f64 = 1e-6;
 
-impl Statement {
+impl PredictionStatement {
     /// Checks what is stated against the data set and the protocol; `place` is the file.
     ///
     /// # Errors

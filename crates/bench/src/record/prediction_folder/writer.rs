@@ -1,6 +1,6 @@
 //! Writes a run's predictions as a folder that any evaluator, this one included, can score.
 
-use super::{STATEMENT, Statement, statement::SCHEMA};
+use super::{PredictionStatement, STATEMENT, statement::SCHEMA};
 use crate::files::json::write_numbers;
 use crate::files::output::FreshFolder;
 use crate::methods::interface::Method;
@@ -67,15 +67,15 @@ impl PredictionWriter {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn finish(self, statement: &Statement) -> Result<FreshFolder> {
+    pub fn finish(self, statement: &PredictionStatement) -> Result<FreshFolder> {
         write_numbers(&self.folder.path().join(STATEMENT), statement)?;
         Ok(self.folder)
     }
 }
 
 /// What is to be stated of predictions of a data set by a method's run.
-pub fn stated_of(info: &RunInfo, method: &dyn Method, dataset: &Dataset) -> Statement {
-    Statement {
+pub fn stated_of(info: &RunInfo, method: &dyn Method, dataset: &Dataset) -> PredictionStatement {
+    PredictionStatement {
         schema: Some(SCHEMA.to_owned()),
         method: Some(info.method.clone()),
         gaussians: info.gaussians,

@@ -43,7 +43,7 @@ pub struct Stub {
 }
 
 /// The mesh of a scene file to be written.
-pub struct Source<'s> {
+pub struct MeshSource<'s> {
     /// The mesh file, for messages.
     pub mesh: &'s Path,
     /// Its path as the scene file names it.
@@ -60,7 +60,7 @@ pub struct Source<'s> {
 ///
 /// # Errors
 /// A mesh whose size cannot be metres, without a floor, or without room for a platform and a loop.
-pub fn make(scene: &Scene, source: &Source<'_>) -> Result<Stub> {
+pub fn make(scene: &Scene, source: &MeshSource<'_>) -> Result<Stub> {
     let place = source.mesh.display().to_string();
     let Some(bounds) = scene.bounds() else {
         return Err(Error::invalid(place, "there is no triangle", "give a mesh with triangles"));
@@ -121,7 +121,7 @@ pub fn make(scene: &Scene, source: &Source<'_>) -> Result<Stub> {
 
 /// The scene file: what was guessed says so.
 fn scene_text(
-    source: &Source<'_>,
+    source: &MeshSource<'_>,
     trajectory: &TrajectoryConfig,
     (way, tx, seen): (&free_space::Loop, DVec3, f64),
     entries: &str,

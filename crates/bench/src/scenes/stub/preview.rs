@@ -4,7 +4,7 @@ use super::free_space::FreeSpace;
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::{LightFrame, LightSettings, LightTracer, develop_frame};
 use corf_raytrace::radio::coverage::CoveragePlane;
-use corf_scene::draw::{Anchor, Canvas, Format, Rgb, clip, hex, metre_axes, text};
+use corf_scene::draw::{Canvas, Format, Rgb, TextAnchor, clip, hex, metre_axes, text};
 use corf_scene::trajectory::{self, TrajectoryConfig, TrajectoryPose};
 use corf_scene::{Pinhole, Raster, Result, Rigid3, color};
 use glam::{DVec2, DVec3, Vec3};
@@ -97,12 +97,12 @@ pub fn draw(space: &FreeSpace<'_>, bvh: &Bvh, way: &TrajectoryConfig, tx: DVec3)
     canvas.disc(x, y, 7.0, TRANSMITTER);
     canvas.disc(x, y, 2.5, PAPER);
     let on_left = x + 60.0 > left + width;
-    let anchor = if on_left { Anchor::Right } else { Anchor::Left };
+    let anchor = if on_left { TextAnchor::Right } else { TextAnchor::Left };
     text(&mut canvas, "TX", [if on_left { x - 13.0 } else { x + 13.0 }, y + 5.0], anchor, CAP, TRANSMITTER);
     metre_axes(&mut canvas, [left, top, left + width, top + height], min, per_metre, ["X m", "Y m"], (CAP, INK));
-    text(&mut canvas, &format!("CUT AT z = {:.2} m", space.sensor_m()), [left, top - 22.0], Anchor::Left, CAP, INK);
+    text(&mut canvas, &format!("CUT AT z = {:.2} m", space.sensor_m()), [left, top - 22.0], TextAnchor::Left, CAP, INK);
     paste(&mut canvas, [columns.floor(), rows.floor()], &view, [view_left as usize, top as usize]);
-    text(&mut canvas, "VIEW FROM THE LOOP", [view_left, top - 22.0], Anchor::Left, CAP, INK);
+    text(&mut canvas, "VIEW FROM THE LOOP", [view_left, top - 22.0], TextAnchor::Left, CAP, INK);
     let legend = top + VIEW[1] as f32 + 28.0;
     for (i, (colour, words)) in [
         (FREE, "FREE FLOOR"),
@@ -115,7 +115,7 @@ pub fn draw(space: &FreeSpace<'_>, bvh: &Bvh, way: &TrajectoryConfig, tx: DVec3)
     {
         let (x, legend) = (view_left + [0.0, 210.0][i % 2], legend + 22.0 * (i / 2) as f32);
         canvas.rect(x, legend - CAP, x + 14.0, legend, *colour);
-        text(&mut canvas, words, [x + 20.0, legend], Anchor::Left, 0.85 * CAP, INK);
+        text(&mut canvas, words, [x + 20.0, legend], TextAnchor::Left, 0.85 * CAP, INK);
     }
     Ok(canvas.encode(Format::Png))
 }

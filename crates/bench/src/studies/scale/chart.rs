@@ -1,6 +1,6 @@
 //! The plot of an axis: its times and its memory, both logarithmic.
 
-use super::table::{Quantity, quantities, values};
+use super::table::{Measure, quantities, values};
 use super::{Axis, Point};
 use crate::charts::{Corner, Frame, Mark, PALETTE, Plot, Scale, Stroke, Svg, extent};
 use anyhow::Result;
@@ -15,7 +15,7 @@ const HEIGHT: u32 = 420;
 pub fn svg(axis: Axis, points: &[&Point]) -> Result<String> {
     let points: Vec<Point> = points.iter().map(|p| (*p).clone()).collect();
     let mut svg = Svg::new(WIDTH, HEIGHT);
-    let is_memory = |q: &&Quantity| q.key.ends_with("_mb");
+    let is_memory = |q: &&Measure| q.key.ends_with("_mb");
     let drawn = || quantities(axis).iter().filter(|q| q.grows && q.key != "gaussians");
     let half = f64::from(WIDTH) / 2.0;
     draw(&mut svg, 0.0, "time", axis, &points, &drawn().filter(|q| !is_memory(q)).collect::<Vec<_>>())?;
@@ -29,8 +29,8 @@ fn scale(values: impl Iterator<Item = f64>) -> Result<Scale> {
     if high > 0.0 { Scale::logarithmic(low / 1.6, high * 1.6) } else { Scale::logarithmic(1.0, 10.0) }
 }
 
-fn draw(svg: &mut Svg, left: f64, what: &str, axis: Axis, points: &[Point], shown: &[&Quantity]) -> Result<()> {
-    let series: Vec<(&Quantity, Vec<(f64, f64)>)> =
+fn draw(svg: &mut Svg, left: f64, what: &str, axis: Axis, points: &[Point], shown: &[&Measure]) -> Result<()> {
+    let series: Vec<(&Measure, Vec<(f64, f64)>)> =
         shown.iter().map(|q| (*q, values(points, axis, q.key).collect())).filter(|(_, v): &(_, Vec<_>)| !v.is_empty()).collect();
     let all = || series.iter().flat_map(|(_, values)| values);
     let frame = Frame { left: left + 82.0, top: 40.0, right: left + 478.0, bottom: f64::from(HEIGHT) - 48.0 };

@@ -6,7 +6,7 @@ use serde::Serialize;
 use std::fmt::Write;
 
 /// A quantity of an axis.
-pub struct Quantity {
+pub struct Measure {
     /// Key in records.
     pub key: &'static str,
     /// Heading of its column.
@@ -16,11 +16,11 @@ pub struct Quantity {
     pub grows: bool,
 }
 
-const fn quantity(key: &'static str, heading: &'static str, digits: usize, grows: bool) -> Quantity {
-    Quantity { key, heading, digits, grows }
+const fn quantity(key: &'static str, heading: &'static str, digits: usize, grows: bool) -> Measure {
+    Measure { key, heading, digits, grows }
 }
 
-const STEP: &[Quantity] = &[
+const STEP: &[Measure] = &[
     quantity("step_ms", "step, ms", 3, true),
     quantity("step_least_ms", "least, ms", 3, false),
     quantity("step_greatest_ms", "greatest, ms", 3, false),
@@ -28,10 +28,10 @@ const STEP: &[Quantity] = &[
     DEVICE,
     PROCESS,
 ];
-const DEVICE: Quantity = quantity("device_mb", "device memory, MB", 0, true);
-const PROCESS: Quantity = quantity("process_mb", "peak of the process, MB", 0, true);
+const DEVICE: Measure = quantity("device_mb", "device memory, MB", 0, true);
+const PROCESS: Measure = quantity("process_mb", "peak of the process, MB", 0, true);
 
-const TRIANGLES: &[Quantity] = &[
+const TRIANGLES: &[Measure] = &[
     quantity("light_s", "light, s a keyframe", 3, true),
     quantity("radio_s", "radio, s a keyframe", 3, true),
     quantity("hierarchy_s", "hierarchy, s once", 3, true),
@@ -39,14 +39,14 @@ const TRIANGLES: &[Quantity] = &[
     quantity("radio_once_s", "radio, s once", 3, true),
     PROCESS,
 ];
-const RECEIVERS: &[Quantity] = &[
+const RECEIVERS: &[Measure] = &[
     quantity("total_s", "all, s", 3, true),
     quantity("radio_once_s", "once for the scene, s", 3, false),
     quantity("receivers_s", "receivers, s", 3, true),
     quantity("per_receiver_ms", "all ÷ receivers, ms", 1, false),
     PROCESS,
 ];
-const KEYFRAMES: &[Quantity] = &[
+const KEYFRAMES: &[Measure] = &[
     quantity("total_s", "reconstruction, s", 2, true),
     quantity("per_keyframe_ms", "ms a keyframe", 1, false),
     quantity("recent_keyframe_ms", "… since the row above", 1, false),
@@ -56,7 +56,7 @@ const KEYFRAMES: &[Quantity] = &[
 ];
 
 /// The quantities of an axis, in the order of its table.
-pub fn quantities(axis: Axis) -> &'static [Quantity] {
+pub fn quantities(axis: Axis) -> &'static [Measure] {
     match axis {
         Axis::Gaussians | Axis::Pixels => STEP,
         Axis::Triangles => TRIANGLES,
@@ -91,7 +91,7 @@ fn slope(points: &[(f64, f64)]) -> Option<f64> {
 
 /// The exponents of all axes: of quantities that grow, and have two positive values at least.
 pub fn fitted(points: &[Point]) -> Vec<Fitted> {
-    let one = |axis: Axis, q: &Quantity| {
+    let one = |axis: Axis, q: &Measure| {
         let own: Vec<(f64, f64)> = values(points, axis, q.key).collect();
         let exponent = slope(&own)?;
         Some(Fitted { axis, key: q.key, exponent, last: slope(&own[own.len() - 2..])?, points: own.len() })
@@ -123,7 +123,7 @@ pub fn markdown(points: &[Point]) -> String {
     for axis in Axis::ALL {
         let own: Vec<&Point> = points.iter().filter(|p| p.axis == axis).collect();
         let Some(first) = own.first() else { continue };
-        let shown: Vec<&Quantity> =
+        let shown: Vec<&Measure> =
             quantities(axis).iter().filter(|q| own.iter().any(|p| p.measured.contains_key(q.key))).collect();
         let _ = write!(out, "\n## {}\n\n| {} |", title(axis), axis.name());
         shown.iter().for_each(|q| out.push_str(&format!(" {} |", q.heading)));

@@ -1,37 +1,37 @@
 //! The figure of quality over time: PSNR rf over reconstruction time, our points beside the paper's. The paper draws more budgets than its
 //! tables give times of; those that they do are drawn.
 
-use super::published::{Family, Figure};
-use super::{Beside, Line, Ours};
+use super::published::{Figure, PaperMethod};
+use super::{Beside, Ours, PaperLine};
 use crate::charts::{Colour, Corner, Frame, INK, Mark, Plot, Scale, Svg, extent};
 use anyhow::Result;
 
 /// Families with their names and colours.
-const SERIES: [(&[Family], &str, Colour); 5] = [
-    (&[Family::Nerf2], "NeRF²", [103, 65, 217]),
-    (&[Family::WrfGsPlus], "WRF-GS+", [43, 138, 62]),
-    (&[Family::Rf3dgs], "RF-3DGS", [232, 89, 12]),
-    (&[Family::CorfGs], "CORF-GS", [10, 90, 208]),
-    (&[Family::Uniform, Family::Frozen, Family::RadioTuned], "ablations of CORF-GS", [90, 100, 115]),
+const SERIES: [(&[PaperMethod], &str, Colour); 5] = [
+    (&[PaperMethod::Nerf2], "NeRF²", [103, 65, 217]),
+    (&[PaperMethod::WrfGsPlus], "WRF-GS+", [43, 138, 62]),
+    (&[PaperMethod::Rf3dgs], "RF-3DGS", [232, 89, 12]),
+    (&[PaperMethod::CorfGs], "CORF-GS", [10, 90, 208]),
+    (&[PaperMethod::Uniform, PaperMethod::Frozen, PaperMethod::RadioTuned], "ablations of CORF-GS", [90, 100, 115]),
 ];
 
 /// A point: seconds, PSNR in dB, half width of its interval.
 type Point = (f64, f64, Option<f64>);
 
-fn ours(line: &Line<'_, '_>) -> Option<Point> {
+fn ours(line: &PaperLine<'_, '_>) -> Option<Point> {
     match (line.cell(Figure::Time), line.cell(Figure::PsnrRadio)) {
         (Ours::Value(seconds), Ours::Value(psnr)) if seconds.mean > 0.0 => Some((seconds.mean, psnr.mean, psnr.half_width_95)),
         _ => None,
     }
 }
 
-fn papers(line: &Line<'_, '_>, figures: &[Figure]) -> Option<Point> {
+fn papers(line: &PaperLine<'_, '_>, figures: &[Figure]) -> Option<Point> {
     let value = |figure: Figure| Some(line.paper.values[figures.iter().position(|f| *f == figure)?]);
     Some((value(Figure::Time)?, value(Figure::PsnrRadio)?, None))
 }
 
 /// The points of a series over all tables, each once: ours and the paper's.
-fn points(tables: &[Beside<'_, '_>], families: &[Family]) -> (Vec<Point>, Vec<Point>) {
+fn points(tables: &[Beside<'_, '_>], families: &[PaperMethod]) -> (Vec<Point>, Vec<Point>) {
     let (mut mine, mut theirs): (Vec<Point>, Vec<Point>) = (Vec::new(), Vec::new());
     let push = |list: &mut Vec<Point>, point: Option<Point>| list.extend(point.filter(|p| !list.contains(p)));
     for table in tables {

@@ -8,7 +8,7 @@ mod rows;
 mod tests;
 
 pub use notations::{csv, latex, markdown, markdown_of};
-pub use published::{Family, Figure, PaperRow, PaperTable, TABLES};
+pub use published::{Figure, PaperMethod, PaperRow, PaperTable, TABLES};
 pub use rows::Ours;
 
 use crate::metrics::stats::Summary;
@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 pub const FILES: [&str; 4] = ["paper.md", "paper.tex", "paper.csv", "paper.svg"];
 
 /// A line of a table: the paper's row, and what stands for it here.
-pub struct Line<'r, 'a> {
+pub struct PaperLine<'r, 'a> {
     /// The paper's row.
     pub paper: &'static PaperRow,
     /// Name of the line.
@@ -37,7 +37,7 @@ pub struct Line<'r, 'a> {
     pub difference: Option<Summary>,
 }
 
-impl Line<'_, '_> {
+impl PaperLine<'_, '_> {
     /// The label of our row.
     pub fn label(&self) -> Option<&str> {
         Some(&self.ours.as_ref()?.row.label)
@@ -61,7 +61,7 @@ pub struct Beside<'r, 'a> {
     /// The paper's table.
     pub table: &'static PaperTable,
     /// All rows of the paper; below some of them a variant that we have records of.
-    pub lines: Vec<Line<'r, 'a>>,
+    pub lines: Vec<PaperLine<'r, 'a>>,
 }
 
 /// The four tables; every row of the paper is there, whether there are records of it or not.
@@ -77,7 +77,7 @@ pub fn tables<'r, 'a>(rows: &'r [Row<'a>]) -> Vec<Beside<'r, 'a>> {
             if itself { None } else { m.row.difference(reference) }
         });
         let name = variant.map_or(paper.name.to_owned(), |v| format!("{}, {v}", paper.name));
-        Line { paper, name, method, ours, difference }
+        PaperLine { paper, name, method, ours, difference }
     };
     let lines = |table: &'static PaperTable| {
         let of = |paper: &'static PaperRow| {

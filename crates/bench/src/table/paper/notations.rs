@@ -1,7 +1,7 @@
 //! The notations of the tables: Markdown, LaTeX, CSV.
 
 use super::rows::Ours;
-use super::{Beside, Figure, Line};
+use super::{Beside, Figure, PaperLine};
 use crate::files::escape;
 use crate::metrics::stats::Summary;
 use crate::record::Record;
@@ -90,7 +90,7 @@ fn notes(tables: &[Beside<'_, '_>]) -> Vec<String> {
     }
     if !taken.is_empty() {
         let mut first = note(&taken, &Columns::none());
-        let of_two = |line: &Line<'_, '_>, figures: &[Figure]| {
+        let of_two = |line: &PaperLine<'_, '_>, figures: &[Figure]| {
             let cell = |figure: &Figure| matches!(line.cell(*figure), Ours::Value(summary) if summary.is_of_two());
             line.difference.is_some_and(|d| d.is_of_two()) || figures.iter().any(cell)
         };
@@ -198,7 +198,7 @@ pub fn csv(tables: &[Beside<'_, '_>]) -> String {
     out
 }
 
-fn csv_cell(line: &Line<'_, '_>, figure: Figure) -> String {
+fn csv_cell(line: &PaperLine<'_, '_>, figure: Figure) -> String {
     match line.cell(figure) {
         Ours::NotRun => "not run,,,".to_owned(),
         Ours::Failed => "failed,,,".to_owned(),

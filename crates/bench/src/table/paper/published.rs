@@ -87,7 +87,7 @@ impl Figure {
 
 /// A method of the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Family {
+pub enum PaperMethod {
     /// NeRF².
     Nerf2,
     /// WRF-GS+.
@@ -107,7 +107,7 @@ pub enum Family {
 /// Other method of this program that stands for the same row with another implementation: its id, and how it differs.
 type Variant = (&'static str, &'static str);
 
-impl Family {
+impl PaperMethod {
     /// The method ids that stand for it here: the paper's row, and what is shown below it where there are records of it.
     pub fn methods(self) -> (&'static str, Option<Variant>) {
         match self {
@@ -139,8 +139,8 @@ pub struct PaperRow {
     /// The row's name here: the paper's, with the budget where rows differ by it.
     pub name: &'static str,
     /// Its method.
-    pub family: Family,
-    /// Values of the settings of [`Family::budget`].
+    pub family: PaperMethod,
+    /// Values of the settings of [`PaperMethod::budget`].
     pub budget: &'static [u64],
     /// The paper's figures, in the order of the table's columns.
     pub values: &'static [f64],
@@ -163,12 +163,12 @@ pub struct PaperTable {
     pub rows: &'static [PaperRow],
 }
 
-const fn row(name: &'static str, family: Family, budget: &'static [u64], values: &'static [f64]) -> PaperRow {
+const fn row(name: &'static str, family: PaperMethod, budget: &'static [u64], values: &'static [f64]) -> PaperRow {
     PaperRow { name, family, budget, values }
 }
 
 /// CORF-GS as the paper runs it: 75 iterations a keyframe, no fine-tuning.
-pub const USUAL: (Family, &[u64]) = (Family::CorfGs, &[75, 0]);
+pub const USUAL: (PaperMethod, &[u64]) = (PaperMethod::CorfGs, &[75, 0]);
 /// Its PSNR rf (Table I, row "Ours").
 pub const USUAL_PSNR_RADIO: f64 = 18.52;
 
@@ -183,10 +183,10 @@ pub const TABLES: &[PaperTable] = &[
         compares_methods: true,
         figures: &[PsnrRadio, SsimRadio, LpipsRadio, Time],
         rows: &[
-            row("NeRF²", Family::Nerf2, &[30_000], &[12.17, 0.594, 0.527, 14_941.0]),
-            row("WRF-GS+", Family::WrfGsPlus, &[10_000], &[17.44, 0.839, 0.252, 2_540.0]),
-            row("RF-3DGS", Family::Rf3dgs, &[30_000, 10_000], &[16.92, 0.788, 0.333, 881.0]),
-            row("CORF-GS", Family::CorfGs, &[75, 0], &[18.52, 0.852, 0.239, 138.0]),
+            row("NeRF²", PaperMethod::Nerf2, &[30_000], &[12.17, 0.594, 0.527, 14_941.0]),
+            row("WRF-GS+", PaperMethod::WrfGsPlus, &[10_000], &[17.44, 0.839, 0.252, 2_540.0]),
+            row("RF-3DGS", PaperMethod::Rf3dgs, &[30_000, 10_000], &[16.92, 0.788, 0.333, 881.0]),
+            row("CORF-GS", PaperMethod::CorfGs, &[75, 0], &[18.52, 0.852, 0.239, 138.0]),
         ],
     },
     // Table II, tab:baseline-iter: WRF-GS+ by iterations, RF-3DGS by (optical, RF) iterations, Ours by iterations a keyframe.
@@ -197,19 +197,19 @@ pub const TABLES: &[PaperTable] = &[
         compares_methods: false,
         figures: &[PsnrRadio, SsimRadio, LpipsRadio],
         rows: &[
-            row("WRF-GS+, 5 000", Family::WrfGsPlus, &[5_000], &[16.75, 0.826, 0.271]),
-            row("WRF-GS+, 10 000", Family::WrfGsPlus, &[10_000], &[17.44, 0.839, 0.252]),
-            row("WRF-GS+, 20 000", Family::WrfGsPlus, &[20_000], &[17.96, 0.848, 0.243]),
-            row("WRF-GS+, 30 000", Family::WrfGsPlus, &[30_000], &[18.09, 0.850, 0.243]),
-            row("RF-3DGS, 15 000 + 10 000", Family::Rf3dgs, &[15_000, 10_000], &[17.19, 0.792, 0.320]),
-            row("RF-3DGS, 15 000 + 25 000", Family::Rf3dgs, &[15_000, 25_000], &[17.70, 0.807, 0.307]),
-            row("RF-3DGS, 15 000 + 40 000", Family::Rf3dgs, &[15_000, 40_000], &[17.88, 0.812, 0.303]),
-            row("RF-3DGS, 30 000 + 10 000", Family::Rf3dgs, &[30_000, 10_000], &[16.92, 0.788, 0.333]),
-            row("RF-3DGS, 30 000 + 25 000", Family::Rf3dgs, &[30_000, 25_000], &[17.38, 0.804, 0.319]),
-            row("CORF-GS, 50 a keyframe", Family::CorfGs, &[50, 0], &[18.18, 0.843, 0.247]),
-            row("CORF-GS, 75 a keyframe", Family::CorfGs, &[75, 0], &[18.52, 0.852, 0.239]),
-            row("CORF-GS, 100 a keyframe", Family::CorfGs, &[100, 0], &[18.56, 0.854, 0.237]),
-            row("CORF-GS, 125 a keyframe", Family::CorfGs, &[125, 0], &[18.65, 0.854, 0.236]),
+            row("WRF-GS+, 5 000", PaperMethod::WrfGsPlus, &[5_000], &[16.75, 0.826, 0.271]),
+            row("WRF-GS+, 10 000", PaperMethod::WrfGsPlus, &[10_000], &[17.44, 0.839, 0.252]),
+            row("WRF-GS+, 20 000", PaperMethod::WrfGsPlus, &[20_000], &[17.96, 0.848, 0.243]),
+            row("WRF-GS+, 30 000", PaperMethod::WrfGsPlus, &[30_000], &[18.09, 0.850, 0.243]),
+            row("RF-3DGS, 15 000 + 10 000", PaperMethod::Rf3dgs, &[15_000, 10_000], &[17.19, 0.792, 0.320]),
+            row("RF-3DGS, 15 000 + 25 000", PaperMethod::Rf3dgs, &[15_000, 25_000], &[17.70, 0.807, 0.307]),
+            row("RF-3DGS, 15 000 + 40 000", PaperMethod::Rf3dgs, &[15_000, 40_000], &[17.88, 0.812, 0.303]),
+            row("RF-3DGS, 30 000 + 10 000", PaperMethod::Rf3dgs, &[30_000, 10_000], &[16.92, 0.788, 0.333]),
+            row("RF-3DGS, 30 000 + 25 000", PaperMethod::Rf3dgs, &[30_000, 25_000], &[17.38, 0.804, 0.319]),
+            row("CORF-GS, 50 a keyframe", PaperMethod::CorfGs, &[50, 0], &[18.18, 0.843, 0.247]),
+            row("CORF-GS, 75 a keyframe", PaperMethod::CorfGs, &[75, 0], &[18.52, 0.852, 0.239]),
+            row("CORF-GS, 100 a keyframe", PaperMethod::CorfGs, &[100, 0], &[18.56, 0.854, 0.237]),
+            row("CORF-GS, 125 a keyframe", PaperMethod::CorfGs, &[125, 0], &[18.65, 0.854, 0.236]),
         ],
     },
     // Table III, tab:finetune: Ours with 25 to 100 fine-tuning iterations, and RF-3DGS.
@@ -220,11 +220,11 @@ pub const TABLES: &[PaperTable] = &[
         compares_methods: false,
         figures: &[PsnrOpt, SsimOpt, LpipsOpt, PsnrRadio, SsimRadio, LpipsRadio, Time],
         rows: &[
-            row("CORF-GS, fine-tuned 25", Family::CorfGs, &[75, 25], &[38.13, 0.980, 0.069, 18.85, 0.862, 0.229, 191.69]),
-            row("CORF-GS, fine-tuned 50", Family::CorfGs, &[75, 50], &[38.30, 0.980, 0.066, 18.96, 0.865, 0.226, 243.29]),
-            row("CORF-GS, fine-tuned 75", Family::CorfGs, &[75, 75], &[38.63, 0.982, 0.064, 19.04, 0.867, 0.223, 295.47]),
-            row("CORF-GS, fine-tuned 100", Family::CorfGs, &[75, 100], &[38.60, 0.982, 0.063, 19.09, 0.868, 0.223, 363.14]),
-            row("RF-3DGS", Family::Rf3dgs, &[30_000, 10_000], &[38.39, 0.980, 0.062, 16.92, 0.788, 0.333, 881.0]),
+            row("CORF-GS, fine-tuned 25", PaperMethod::CorfGs, &[75, 25], &[38.13, 0.980, 0.069, 18.85, 0.862, 0.229, 191.69]),
+            row("CORF-GS, fine-tuned 50", PaperMethod::CorfGs, &[75, 50], &[38.30, 0.980, 0.066, 18.96, 0.865, 0.226, 243.29]),
+            row("CORF-GS, fine-tuned 75", PaperMethod::CorfGs, &[75, 75], &[38.63, 0.982, 0.064, 19.04, 0.867, 0.223, 295.47]),
+            row("CORF-GS, fine-tuned 100", PaperMethod::CorfGs, &[75, 100], &[38.60, 0.982, 0.063, 19.09, 0.868, 0.223, 363.14]),
+            row("RF-3DGS", PaperMethod::Rf3dgs, &[30_000, 10_000], &[38.39, 0.980, 0.062, 16.92, 0.788, 0.333, 881.0]),
         ],
     },
     // Table IV, tab:ablation: times there 0:07:15, 0:02:13, 0:02:31, 0:02:18.
@@ -235,15 +235,20 @@ pub const TABLES: &[PaperTable] = &[
         compares_methods: false,
         figures: &[PsnrOpt, SsimOpt, LpipsOpt, PsnrRadio, SsimRadio, LpipsRadio, Time],
         rows: &[
-            row("w/o optical-guided expansion", Family::Uniform, &[75, 0], &[31.89, 0.966, 0.112, 15.69, 0.780, 0.317, 435.0]),
-            row("w/o joint (frozen geometry)", Family::Frozen, &[75, 0], &[37.23, 0.979, 0.076, 17.11, 0.798, 0.297, 133.0]),
+            row(
+                "w/o optical-guided expansion",
+                PaperMethod::Uniform,
+                &[75, 0],
+                &[31.89, 0.966, 0.112, 15.69, 0.780, 0.317, 435.0],
+            ),
+            row("w/o joint (frozen geometry)", PaperMethod::Frozen, &[75, 0], &[37.23, 0.979, 0.076, 17.11, 0.798, 0.297, 133.0]),
             row(
                 "w/o joint (RF-tuned geometry)",
-                Family::RadioTuned,
+                PaperMethod::RadioTuned,
                 &[75, 0],
                 &[36.72, 0.977, 0.080, 18.44, 0.836, 0.240, 151.0],
             ),
-            row("CORF-GS (full)", Family::CorfGs, &[75, 0], &[37.14, 0.978, 0.077, 18.52, 0.852, 0.239, 138.0]),
+            row("CORF-GS (full)", PaperMethod::CorfGs, &[75, 0], &[37.14, 0.978, 0.077, 18.52, 0.852, 0.239, 138.0]),
         ],
     },
 ];

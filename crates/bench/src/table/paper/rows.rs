@@ -1,6 +1,6 @@
 //! Rows of our records that stand for a row of the paper.
 
-use super::published::{Family, Figure};
+use super::published::{Figure, PaperMethod};
 use crate::device::Backend;
 use crate::methods;
 use crate::metrics::stats::Summary;
@@ -26,7 +26,7 @@ pub struct Matched<'r, 'a> {
 
 /// The row of a method with a budget, `None` without one. Of several the one with the fewest settings that are not the method's own is taken,
 /// and of equals the first; one that has failed in all its cells stands behind all others.
-pub fn find<'r, 'a>(rows: &'r [Row<'a>], family: Family, method: &str, budget: &[u64]) -> Option<Matched<'r, 'a>> {
+pub fn find<'r, 'a>(rows: &'r [Row<'a>], family: PaperMethod, method: &str, budget: &[u64]) -> Option<Matched<'r, 'a>> {
     // What this version does not know (a method that was taken out) has no settings of its own to compare with.
     let own = methods::create(method, &toml::Table::new(), &Backend::Cpu).ok().map(|m| m.config());
     let mut found: Vec<(Vec<String>, &Row<'a>)> = rows
@@ -45,7 +45,7 @@ pub fn find<'r, 'a>(rows: &'r [Row<'a>], family: Family, method: &str, budget: &
 }
 
 /// The row of a method with the largest budget below one that was not run.
-pub fn find_shorter<'r, 'a>(rows: &'r [Row<'a>], family: Family, method: &str, budget: &[u64]) -> Option<Matched<'r, 'a>> {
+pub fn find_shorter<'r, 'a>(rows: &'r [Row<'a>], family: PaperMethod, method: &str, budget: &[u64]) -> Option<Matched<'r, 'a>> {
     let of = |row: &Row<'_>| -> Option<Vec<u64>> { family.budget().iter().map(|names| value(row.config, names)).collect() };
     let below = |mine: &Vec<u64>| mine.iter().zip(budget).all(|(mine, papers)| mine <= papers);
     let budgets = rows.iter().filter(|r| r.method == method).filter_map(of).filter(below);
@@ -58,7 +58,7 @@ fn value(config: &Value, names: &[&str]) -> Option<u64> {
     names.iter().find_map(|pointer| config.pointer(pointer)?.as_u64())
 }
 
-fn has_budget(config: &Value, family: Family, budget: &[u64]) -> bool {
+fn has_budget(config: &Value, family: PaperMethod, budget: &[u64]) -> bool {
     family.budget().iter().zip(budget).all(|(names, wanted)| value(config, names) == Some(*wanted))
 }
 
@@ -69,7 +69,7 @@ fn is_other_method(config: &Value) -> bool {
 }
 
 /// Paths of the keys that both have with different values; keys that only one has are those of another version.
-fn differences(own: &Value, config: &Value, family: Family) -> Vec<String> {
+fn differences(own: &Value, config: &Value, family: PaperMethod) -> Vec<String> {
     fn walk(own: &Value, config: &Value, path: &str, out: &mut Vec<String>) {
         match (own, config) {
             (Value::Object(own), Value::Object(config)) => {

@@ -168,7 +168,7 @@ fn the_figure_has_a_point_for_every_time_of_the_paper_and_of_ours() {
 #[test]
 fn the_papers_figures_agree_with_each_other() {
     // What the paper prints twice is the same twice; rows are as long as their heads.
-    let mut seen: Vec<(Family, &[u64], Figure, f64)> = Vec::new();
+    let mut seen: Vec<(PaperMethod, &[u64], Figure, f64)> = Vec::new();
     for table in TABLES {
         for row in table.rows {
             assert_eq!(row.values.len(), table.figures.len(), "{}", row.name);

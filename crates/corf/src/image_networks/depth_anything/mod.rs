@@ -27,7 +27,7 @@ const IMAGENET: [[f32; 3]; 2] = [[0.485, 0.456, 0.406], [0.229, 0.224, 0.225]];
 const MOST_PATCHES: usize = 1 << 14;
 
 /// The network with its weights, and how it is shown images.
-pub struct Network {
+pub struct DepthNetwork {
     transformer: Transformer,
     head: Head,
     /// Shorter side of what it sees, pixels.
@@ -35,13 +35,13 @@ pub struct Network {
     imagenet_normalisation: bool,
 }
 
-impl fmt::Debug for Network {
+impl fmt::Debug for DepthNetwork {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Network").field("width", &self.transformer.width).field("side", &self.side).finish_non_exhaustive()
     }
 }
 
-impl Network {
+impl DepthNetwork {
     /// Reads the weights at `path` (float32, float16 or bfloat16; tensor names of the official code or of the transformers library); Small, Base or
     /// Large is told by their shapes.
     ///

@@ -7,8 +7,8 @@ use crate::reference_data::shared;
 
 const FOLDER: &str = "weights/depth_anything_tiny";
 
-fn network(path: &Path) -> Result<Network> {
-    Network::read(path, &DepthConfig { prior: DepthPriorKind::DepthAnything, ..DepthConfig::default() })
+fn network(path: &Path) -> Result<DepthNetwork> {
+    DepthNetwork::read(path, &DepthConfig { prior: DepthPriorKind::DepthAnything, ..DepthConfig::default() })
 }
 
 /// An input of the golden file, channels last.
@@ -63,7 +63,7 @@ fn images_are_seen_at_the_published_size_or_the_one_asked_for() {
     let Some(folder) = shared(FOLDER) else { return };
     let network = |input_px: usize, imagenet_normalisation: bool| {
         let config = DepthConfig { input_px, imagenet_normalisation, ..DepthConfig::default() };
-        Network::read(&folder.join("model.safetensors"), &config).unwrap()
+        DepthNetwork::read(&folder.join("model.safetensors"), &config).unwrap()
     };
     assert_eq!(network(518, true).input_size((1600, 900)).unwrap(), [518, 924]);
     assert_eq!(network(518, true).input_size((480, 640)).unwrap(), [686, 518]);

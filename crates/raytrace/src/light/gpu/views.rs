@@ -2,7 +2,7 @@
 
 use super::super::renderer::no_cache;
 use super::super::sampler::frame_seed;
-use super::super::{Sampling, View};
+use super::super::{LightSampling, View};
 use super::lattices::Lattices;
 use super::pace::Pace;
 use super::params::{MOST_VIEWS, Params, Viewpoint, halves};
@@ -101,7 +101,7 @@ impl<'a> GpuLight<'a> {
     }
 
     /// Settings of some views.
-    fn view_params(&self, camera: &Pinhole, views: &[View], sampling: &Sampling, tiles: u32) -> Params {
+    fn view_params(&self, camera: &Pinhole, views: &[View], sampling: &LightSampling, tiles: u32) -> Params {
         let mut common = Params {
             width: camera.width as u32,
             height: camera.height as u32,
@@ -114,8 +114,8 @@ impl<'a> GpuLight<'a> {
             ..self.params
         };
         let seed = match sampling {
-            Sampling::Path(s) => s.seed,
-            Sampling::Cached(s) => s.seed,
+            LightSampling::Path(s) => s.seed,
+            LightSampling::Cached(s) => s.seed,
         };
         for (viewpoint, view) in common.viewpoints.iter_mut().zip(views) {
             let axis = |axis: glam::DVec3| view.world_from_camera.transform_vector(axis).as_vec3().to_array();
@@ -131,7 +131,7 @@ impl<'a> GpuLight<'a> {
             };
         }
         match sampling {
-            Sampling::Path(s) => Params {
+            LightSampling::Path(s) => Params {
                 seed: halves(seed),
                 background: s.background,
                 samples: s.samples_per_pixel.max(1),
@@ -140,7 +140,7 @@ impl<'a> GpuLight<'a> {
                 next_event: u32::from(s.next_event_estimation && !self.tracer.emitters.is_empty()),
                 ..common
             },
-            Sampling::Cached(s) => {
+            LightSampling::Cached(s) => {
                 let base = s.samples_per_pixel.max(1);
                 let levels = (0..base.leading_zeros().min(MOST_LEVELS)).find(|level| base << level >= s.most_samples);
                 let levels = levels.unwrap_or(base.leading_zeros());
@@ -163,7 +163,7 @@ impl<'a> GpuLight<'a> {
         state: &'s mut State<'a>,
         camera: &Pinhole,
         views: &[View],
-        sampling: &Sampling,
+        sampling: &LightSampling,
     ) -> Result<(&'s Frame, Params)> {
         let start = Instant::now();
         let size = [camera.width, camera.height];
@@ -181,7 +181,7 @@ impl<'a> GpuLight<'a> {
         encoder.clear_buffer(&frame.work, 0, Some(4 * u64::from(WORK_HEAD)));
         self.context.submit(encoder);
         match sampling {
-            Sampling::Path(_) => {
+            LightSampling::Path(_) => {
                 let step = (pace.paths / places).max(1);
                 let mut samples = 0;
                 while samples < params.samples {
@@ -190,7 +190,7 @@ impl<'a> GpuLight<'a> {
                     self.paths("gpu: paths", &frame.render_paths, pace, &Params { samples, ..params }, &items);
                 }
             }
-            Sampling::Cached(_) => {
+            LightSampling::Cached(_) => {
                 let Some(lattices) = lattices else { return Err(no_cache()) };
                 self.cached_views(frame, lattices, pace, &params, places)?;
             }

@@ -17,11 +17,11 @@ const CHAIN_WORK: usize = 100;
 const SAMPLED: usize = 32;
 
 /// Beam of an image source through its mirror, as a convex region of space: inside is where every n·x > offset.
-pub struct Beam {
+pub struct ImageBeam {
     planes: Vec<(DVec3, f64)>,
 }
 
-impl Beam {
+impl ImageBeam {
     /// The beam from `image` through a parallelogram: a pyramid, cut off by the mirror.
     fn new(image: DVec3, mirror: &[DVec3; 4]) -> Self {
         let centre = (mirror[0] + mirror[2]) * 0.5;
@@ -103,7 +103,7 @@ impl Search<'_, '_> {
             return Some(chains);
         }
         let chain = self.direct.pushed(*face, self.geometry);
-        let mut stack = vec![(chain, Beam::new(chain.image, hull))];
+        let mut stack = vec![(chain, ImageBeam::new(chain.image, hull))];
         while let Some((chain, beam)) = stack.pop() {
             chains.push(chain);
             let ends = chain.faces().len() == self.max_interactions;

@@ -8,7 +8,7 @@
 use crate::radio::candidates::chain::Chain;
 use crate::radio::geometry::Geometry;
 use crate::radio::geometry::face::Face;
-use crate::radio::geometry::planar::Bounds;
+use crate::radio::geometry::planar::PlanarBounds;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -90,7 +90,7 @@ impl Group {
         }
         let bounds = plane.bounds();
         let rx = bounds.project(rx);
-        let Bounds { min, max, .. } = bounds;
+        let PlanarBounds { min, max, .. } = bounds;
         let (low, high) = ([0, 1].map(|axis| min[axis] - MARGIN_M), [0, 1].map(|axis| max[axis] + MARGIN_M));
         let [across, along] = &self.across_m;
         let blocks = self.heights_m.chunks(BLOCK).zip(across.chunks(BLOCK)).zip(along.chunks(BLOCK));

@@ -1,8 +1,8 @@
 //! Candidate chains for specular paths: sequences of faces to bounce off, for the exact image method to check.
 
-use crate::radio::candidates::beams::{self, Beam};
+use crate::radio::candidates::beams::{self, ImageBeam};
 use crate::radio::candidates::chain::{Chain, repeats};
-use crate::radio::candidates::walk::{ChainImages, Findings, Leg, Walk, distinct};
+use crate::radio::candidates::walk::{ChainImages, Leg, SearchResults, Walk, distinct};
 use crate::radio::geometry::Geometry;
 use crate::radio::{RadioSettings, Search};
 use glam::DVec3;
@@ -65,7 +65,7 @@ impl Density {
             .par_chunks(CHAINS_PER_TASK)
             .zip(counts.par_chunks(CHAINS_PER_TASK))
             .map(|(chunk, counts)| {
-                let (mut found, mut legs) = (Findings::default(), Vec::new());
+                let (mut found, mut legs) = (SearchResults::default(), Vec::new());
                 for (chain, &count) in chunk.iter().zip(counts) {
                     let Some(&last) = chain.faces().last() else { continue };
                     let points = walk.geometry().faces[last as usize].spread(count);
@@ -83,7 +83,7 @@ impl Density {
         way: &ChainImages<'_>,
         points: &[DVec3],
         legs: &mut Vec<Leg>,
-        found: &mut Findings<Chain>,
+        found: &mut SearchResults<Chain>,
     ) {
         let (count, step) = (points.len(), golden_step(points.len()));
         let (mut tried, mut pass) = (0, self.first_pass);
@@ -219,7 +219,7 @@ impl Large {
         before
             .par_iter()
             .map(|chain| {
-                let beam = Beam::of_chain(geometry, tx, chain);
+                let beam = ImageBeam::of_chain(geometry, tx, chain);
                 let in_beam = facets.iter().filter(|facet| beam.meets(&facet.hull) && !repeats(geometry, chain, facet.face));
                 let lit = in_beam.filter_map(|facet| {
                     let next = chain.pushed(facet.face, geometry);

@@ -21,14 +21,14 @@ const RAYS_PER_TASK: usize = 2048;
 const CLEARANCE_M: f64 = 1e-4;
 
 /// Result that rays look for: a chain, or a wedge reached by a chain.
-pub trait Finding: Copy + Send {
+pub trait SearchResult: Copy + Send {
     /// Sorting key, equal for equal results only.
     type Key: Ord + Hash + Send;
     /// Sorting key of this result.
     fn key(&self) -> Self::Key;
 }
 
-impl Finding for Chain {
+impl SearchResult for Chain {
     type Key = (u8, [u32; MAX_INTERACTIONS]);
 
     fn key(&self) -> Self::Key {
@@ -36,8 +36,8 @@ impl Finding for Chain {
     }
 }
 
-impl Finding for (u32, Chain) {
-    type Key = (u32, <Chain as Finding>::Key);
+impl SearchResult for (u32, Chain) {
+    type Key = (u32, <Chain as SearchResult>::Key);
 
     fn key(&self) -> Self::Key {
         (self.0, self.1.key())
@@ -45,30 +45,30 @@ impl Finding for (u32, Chain) {
 }
 
 /// Sorted, without repeats; of equal keys all are alike.
-pub fn distinct<T: Finding>(found: &mut Vec<T>) {
-    found.par_sort_unstable_by_key(Finding::key);
+pub fn distinct<T: SearchResult>(found: &mut Vec<T>) {
+    found.par_sort_unstable_by_key(SearchResult::key);
     found.dedup_by_key(|f| f.key());
 }
 
 /// Set of the results that the rays of a task have found: they meet the same ones again and again.
-pub struct Findings<T: Finding> {
+pub struct SearchResults<T: SearchResult> {
     found: Vec<T>,
     keys: HashSet<T::Key>,
 }
 
-impl<T: Finding> Default for Findings<T> {
+impl<T: SearchResult> Default for SearchResults<T> {
     fn default() -> Self {
         Self { found: Vec::new(), keys: HashSet::new() }
     }
 }
 
-impl<T: Finding> Extend<T> for Findings<T> {
+impl<T: SearchResult> Extend<T> for SearchResults<T> {
     fn extend<I: IntoIterator<Item = T>>(&mut self, found: I) {
         self.found.extend(found.into_iter().filter(|finding| self.keys.insert(finding.key())));
     }
 }
 
-impl<T: Finding> Findings<T> {
+impl<T: SearchResult> SearchResults<T> {
     /// Number of results.
     pub fn len(&self) -> usize {
         self.found.len()
@@ -208,11 +208,16 @@ impl<'w, 'a> Walk<'w, 'a> {
     }
 
     /// Follows a lattice of rays as in [`Self::go_on`]; what `visit` adds to the findings comes back sorted and without repeats.
-    pub fn lattice<T: Finding>(&self, from: DVec3, rays: usize, visit: impl Fn(&mut Findings<T>, &Chain, u32) + Sync) -> Vec<T> {
+    pub fn lattice<T: SearchResult>(
+        &self,
+        from: DVec3,
+        rays: usize,
+        visit: impl Fn(&mut SearchResults<T>, &Chain, u32) + Sync,
+    ) -> Vec<T> {
         let per_task: Vec<Vec<T>> = (0..rays.div_ceil(RAYS_PER_TASK))
             .into_par_iter()
             .map(|task| {
-                let (mut found, mut legs) = (Findings::default(), Vec::new());
+                let (mut found, mut legs) = (SearchResults::default(), Vec::new());
                 for i in task * RAYS_PER_TASK..((task + 1) * RAYS_PER_TASK).min(rays) {
                     let direction = lattice::fibonacci(i, rays);
                     legs.push(Leg { origin: from, direction, chain: Chain::line_of_sight(from), interactions: 0 });

@@ -5,7 +5,7 @@
 //! path's distances; it is what Sionna RT does by default.
 
 use super::super::{AntennaArray, Arrival, Complex, Path};
-use super::{Ray, random_phase_rad};
+use super::{ChannelRay, random_phase_rad};
 use std::f64::consts::TAU;
 
 /// A matrix between the ports of two arrays: one row a receive port, one column a transmit port.
@@ -79,7 +79,7 @@ impl ArrayLink<'_> {
     }
 
     /// Rays between a receive and a transmit port: their sum is the ports' entry of [`Self::matrix`] at the carrier.
-    pub fn rays(&self, row: usize, column: usize, carrier_hz: f64) -> Vec<Ray> {
+    pub fn rays(&self, row: usize, column: usize, carrier_hz: f64) -> Vec<ChannelRay> {
         let place = |array: &AntennaArray, port: usize| {
             let elements = array.ports() / array.element.ports();
             (port / elements, port % elements)
@@ -88,9 +88,9 @@ impl ArrayLink<'_> {
         let paths = self.paths.iter().map(|path| {
             let a = path.coefficient(&self.tx.element, tx_port, &self.rx.element, rx_port);
             let response = self.rx.steering(path.arrival)[m] * a * self.tx.steering(path.departure)[n];
-            Ray { gain: response * carried(carrier_hz, path.delay_s), delay_s: path.delay_s }
+            ChannelRay { gain: response * carried(carrier_hz, path.delay_s), delay_s: path.delay_s }
         });
-        let diffuse = self.diffuse.iter().enumerate().map(|(i, arrival)| Ray {
+        let diffuse = self.diffuse.iter().enumerate().map(|(i, arrival)| ChannelRay {
             gain: self.diffuse_gain(i, rx_port, column, carrier_hz) * self.rx.steering(arrival.direction)[m],
             delay_s: arrival.delay_s,
         });

@@ -19,7 +19,7 @@ const PHASE_STAGE: u64 = 0x7068_6173;
 
 /// One term of the response around the carrier, H(Δf) = Σ g_i e^{−j2πΔfτ_i}.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ray {
+pub struct ChannelRay {
     /// g = a·e^{−j2πf_cτ}: the coefficient with its phase at the carrier.
     pub gain: Complex,
     /// τ, seconds.

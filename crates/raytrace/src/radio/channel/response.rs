@@ -1,7 +1,7 @@
 //! Responses over frequency and over delay taps.
 
 use super::super::Complex;
-use super::Ray;
+use super::ChannelRay;
 use corf_scene::{Error, Result};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -51,7 +51,7 @@ pub enum TapFilter {
 }
 
 /// H(Δf) = Σ g_i e^{−j2πΔfτ_i} at each offset from the carrier, Hz.
-pub fn frequency_response(rays: &[Ray], offsets_hz: &[f64]) -> Vec<Complex> {
+pub fn frequency_response(rays: &[ChannelRay], offsets_hz: &[f64]) -> Vec<Complex> {
     let at = |offset_hz: &f64| {
         rays.iter().fold(Complex::ZERO, |sum, ray| sum + ray.gain * Complex::new(0.0, -TAU * (offset_hz * ray.delay_s)).exp())
     };
@@ -59,7 +59,7 @@ pub fn frequency_response(rays: &[Ray], offsets_hz: &[f64]) -> Vec<Complex> {
 }
 
 /// The baseband response of a channel `bandwidth_hz` wide; tap `l` lies at delay l/W, 0 being the moment of transmission.
-pub fn impulse_response(rays: &[Ray], bandwidth_hz: f64, taps: Range<i64>, filter: TapFilter) -> Vec<Complex> {
+pub fn impulse_response(rays: &[ChannelRay], bandwidth_hz: f64, taps: Range<i64>, filter: TapFilter) -> Vec<Complex> {
     let weight = |tap: i64, delay_taps: f64| match filter {
         TapFilter::Sinc => sinc(tap as f64 - delay_taps),
         TapFilter::Bin => f64::from(u8::from(delay_taps.round() as i64 == tap)),
@@ -80,17 +80,17 @@ mod tests {
     /// Rounding of sums of a few hundred terms of order one.
     const ROUNDING: f64 = 1e-12;
 
-    fn some_rays() -> Vec<Ray> {
+    fn some_rays() -> Vec<ChannelRay> {
         let mut rng = corf_scene::Rng::keyed(4, 0, 0);
         (0..12)
-            .map(|_| Ray { gain: Complex::new(rng.normal(), rng.normal()), delay_s: 20e-9 + 80e-9 * rng.uniform_f64() })
+            .map(|_| ChannelRay { gain: Complex::new(rng.normal(), rng.normal()), delay_s: 20e-9 + 80e-9 * rng.uniform_f64() })
             .collect()
     }
 
     #[test]
     fn two_equal_rays_beat_with_the_inverse_of_their_delay_difference() {
         // |1 + e^{−j2πΔfτ}| = 2|cos(πΔfτ)|: zeros every 1/τ.
-        let rays = [Ray { gain: Complex::ONE, delay_s: 0.0 }, Ray { gain: Complex::ONE, delay_s: 10e-9 }];
+        let rays = [ChannelRay { gain: Complex::ONE, delay_s: 0.0 }, ChannelRay { gain: Complex::ONE, delay_s: 10e-9 }];
         let offsets: Vec<f64> = (-50..=50).map(|k| 3e6 * f64::from(k)).collect();
         for (h, f) in frequency_response(&rays, &offsets).iter().zip(&offsets) {
             assert!((h.norm() - 2.0 * (PI * f * 10e-9).cos().abs()).abs() < ROUNDING, "{f}");
@@ -116,7 +116,8 @@ mod tests {
     fn the_response_is_the_transform_of_the_taps() {
         // H(Δf) = Σ_l h_l e^{−j2πΔf l/W} inside the band for delays on the grid, where the sinc is a unit impulse.
         let w = 1e9;
-        let rays: Vec<Ray> = some_rays().iter().enumerate().map(|(i, r)| Ray { delay_s: (5 * i + 3) as f64 / w, ..*r }).collect();
+        let rays: Vec<ChannelRay> =
+            some_rays().iter().enumerate().map(|(i, r)| ChannelRay { delay_s: (5 * i + 3) as f64 / w, ..*r }).collect();
         let taps = impulse_response(&rays, w, 0..80, TapFilter::Sinc);
         let binned = impulse_response(&rays, w, 0..80, TapFilter::Bin);
         let offsets = Subcarriers::of_band(w, 64).unwrap().offsets_hz();

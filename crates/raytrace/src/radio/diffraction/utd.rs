@@ -1,7 +1,7 @@
 //! The uniform theory of diffraction at a wedge of two slabs: Kouyoumjian and Pathak 1974 for the four terms, finite-thickness slabs
 //! for the two reflections.
 
-use super::super::field::{self, Field};
+use super::super::field::{self, ElectricField};
 use super::super::{Complex, Slab};
 use super::erfcx::erfcx_diagonal;
 use crate::radio::field::fresnel;
@@ -52,14 +52,20 @@ pub struct EdgeFace<'s> {
 
 impl EdgeFace<'_> {
     /// The field mirrored by the face, its specular amplitude √(1 − S²) included.
-    fn reflect(&self, field: &Field, direction: DVec3) -> Field {
+    fn reflect(&self, field: &ElectricField, direction: DVec3) -> ElectricField {
         let response = fresnel::slab_response(self.slab, field::cos_incidence(direction, self.normal));
         field::reflect(field, direction, self.normal, &response, self.slab.specular_amplitude())
     }
 }
 
 /// The diffracted field, spreading 1/√(s s′(s + s′)) and propagation phase aside; face 0 is the one that the source sees.
-pub fn diffract(field: &Field, ray: &EdgeRay, faces: &[EdgeFace<'_>; 2], wavelength_m: f64, model: DiffractionModel) -> Field {
+pub fn diffract(
+    field: &ElectricField,
+    ray: &EdgeRay,
+    faces: &[EdgeFace<'_>; 2],
+    wavelength_m: f64,
+    model: DiffractionModel,
+) -> ElectricField {
     let (k_i, k_d) = (ray.incident, ray.diffracted);
     let azimuths = Azimuths::of(ray, faces[0].normal);
     let d = terms(ray, &azimuths, wavelength_m);
@@ -92,13 +98,13 @@ fn edge_axes(k: DVec3, edge: DVec3) -> [DVec3; 2] {
     [phi, k.cross(phi)]
 }
 
-fn edge_components(field: &Field, k: DVec3, edge: DVec3) -> [Complex; 2] {
+fn edge_components(field: &ElectricField, k: DVec3, edge: DVec3) -> [Complex; 2] {
     edge_axes(k, edge).map(|axis| field.along(axis))
 }
 
-fn of_edge_components(components: [Complex; 2], k: DVec3, edge: DVec3) -> Field {
+fn of_edge_components(components: [Complex; 2], k: DVec3, edge: DVec3) -> ElectricField {
     let axes = edge_axes(k, edge);
-    Field::of_components(components[0], axes[0], components[1], axes[1])
+    ElectricField::of_components(components[0], axes[0], components[1], axes[1])
 }
 
 /// Azimuths about the edge from face 0, radians in [0, 2π): of the source, φ′, and of the receiver, φ.

@@ -27,7 +27,7 @@ use gather::image_receivers::{self, ImageReceivers, MirrorSequence, StrongMirror
 use gather::light_hits::{self, LightHits};
 use gather::refine::Gathering;
 use gather::small_faces::SmallFaces;
-use gather::{GatherTracer, Lattice, Layer};
+use gather::{DepthLayer, GatherTracer, Lattice};
 use glam::{DMat3, DVec2, DVec3};
 use light::cache::RadianceCache;
 use light::illumination::Illumination;
@@ -257,7 +257,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             let mut found = Vec::new();
             for number in numbers.iter().map(|&number| number as usize) {
                 let direction = self.directions.of(number);
-                look.along(number, direction, Layer::All, &mut |c| found.push((direction, c)));
+                look.along(number, direction, DepthLayer::All, &mut |c| found.push((direction, c)));
             }
             found
         });

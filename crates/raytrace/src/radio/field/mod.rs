@@ -13,14 +13,14 @@ use glam::DVec3;
 
 /// A complex electric field vector in world axes, perpendicular to its ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Field {
+pub struct ElectricField {
     /// Real part.
     pub re: DVec3,
     /// Imaginary part.
     pub im: DVec3,
 }
 
-impl Field {
+impl ElectricField {
     /// A real field.
     pub fn real(re: DVec3) -> Self {
         Self { re, im: DVec3::ZERO }
@@ -61,24 +61,30 @@ pub fn mirrored(direction: DVec3, normal: DVec3) -> DVec3 {
 }
 
 /// Specular reflection: E_r = √(1−S²)·[R_TE(E·e_s)e_s + R_TM(E·p_i)p_r], p = k × e_s.
-pub fn reflect(field: &Field, direction: DVec3, normal: DVec3, response: &SlabResponse, specular_amplitude: f64) -> Field {
+pub fn reflect(
+    field: &ElectricField,
+    direction: DVec3,
+    normal: DVec3,
+    response: &SlabResponse,
+    specular_amplitude: f64,
+) -> ElectricField {
     let e_s = perpendicular(direction, normal);
     let (p_i, p_r) = (direction.cross(e_s), mirrored(direction, normal).cross(e_s));
     let (r_te, r_tm) = (response.r_te * specular_amplitude, response.r_tm * specular_amplitude);
-    Field::of_components(r_te * field.along(e_s), e_s, r_tm * field.along(p_i), p_r)
+    ElectricField::of_components(r_te * field.along(e_s), e_s, r_tm * field.along(p_i), p_r)
 }
 
 /// Straight through a slab: T_TE and T_TM on the same axes, not scaled by the scattering coefficient.
-pub fn transmit(field: &Field, direction: DVec3, normal: DVec3, response: &SlabResponse) -> Field {
+pub fn transmit(field: &ElectricField, direction: DVec3, normal: DVec3, response: &SlabResponse) -> ElectricField {
     let e_s = perpendicular(direction, normal);
     let p = direction.cross(e_s);
-    Field::of_components(response.t_te * field.along(e_s), e_s, response.t_tm * field.along(p), p)
+    ElectricField::of_components(response.t_te * field.along(e_s), e_s, response.t_tm * field.along(p), p)
 }
 
 /// Γ² = ‖E_r‖²/‖E_i‖² of the Fresnel reflection: the share of a field's power that is reflected, before any of it is scattered;
 /// `te` = |R_TE|², `tm` = |R_TM|².
 #[inline]
-pub fn reflectivity(field: &Field, direction: DVec3, normal: DVec3, te: f64, tm: f64) -> f64 {
+pub fn reflectivity(field: &ElectricField, direction: DVec3, normal: DVec3, te: f64, tm: f64) -> f64 {
     let cross = direction.cross(normal);
     let (length2, power) = (cross.length_squared(), field.norm_squared());
     if length2 < 1e-24 || power == 0.0 {

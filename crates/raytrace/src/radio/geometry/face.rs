@@ -1,6 +1,6 @@
 //! Planar faces: the mirrors of the image method.
 
-use crate::radio::geometry::planar::{Bounds, PlanarIndex};
+use crate::radio::geometry::planar::{PlanarBounds, PlanarIndex};
 use glam::{DVec2, DVec3};
 
 /// Largest deviation of the normals of two faces of one plane: 1 − cos of 4e-5 rad.
@@ -56,7 +56,7 @@ impl Face {
     }
 
     /// The box of the face's triangles on two axes.
-    pub fn bounds(&self) -> Bounds {
+    pub fn bounds(&self) -> PlanarBounds {
         self.index.bounds()
     }
 

@@ -9,7 +9,7 @@ const LINEAR_LIMIT: usize = 12;
 /// Triangles projected along the dominant axis of their plane's normal, with a uniform grid when there are many.
 #[derive(Clone, Debug)]
 pub struct PlanarIndex {
-    bounds: Bounds,
+    bounds: PlanarBounds,
     triangles: Vec<[DVec2; 3]>,
     grid: Option<Box<Grid>>,
 }
@@ -24,7 +24,7 @@ struct Grid {
 
 /// The box of a face's triangles, laid out on two axes.
 #[derive(Clone, Copy, Debug)]
-pub struct Bounds {
+pub struct PlanarBounds {
     drop: usize,
     /// Least coordinates along the two, metres.
     pub min: DVec2,
@@ -43,7 +43,7 @@ fn within([a, b, c]: &[DVec2; 3], place: DVec2) -> DVec2 {
     a + (b - a) * x + (c - a) * y
 }
 
-impl Bounds {
+impl PlanarBounds {
     /// A point's coordinates along the two axes.
     pub fn project(&self, p: DVec3) -> [f64; 2] {
         project(self.drop, p).to_array()
@@ -52,7 +52,7 @@ impl Bounds {
 
 impl PlanarIndex {
     /// The box of all triangles.
-    pub fn bounds(&self) -> Bounds {
+    pub fn bounds(&self) -> PlanarBounds {
         self.bounds
     }
 
@@ -65,7 +65,7 @@ impl PlanarIndex {
         for p in triangles.iter().flatten() {
             (min, max) = (min.min(*p), max.max(*p));
         }
-        let mut index = Self { bounds: Bounds { drop, min, max }, triangles, grid: None };
+        let mut index = Self { bounds: PlanarBounds { drop, min, max }, triangles, grid: None };
         if index.triangles.len() > LINEAR_LIMIT {
             index.grid = Some(Box::new(index.build_grid()));
         }
@@ -74,7 +74,7 @@ impl PlanarIndex {
 
     /// The corners, in order around it, of the bounding rectangle's preimage on the plane n·x = `offset_m`.
     pub fn hull(&self, normal: DVec3, offset_m: f64) -> [DVec3; 4] {
-        let Bounds { min, max, .. } = self.bounds;
+        let PlanarBounds { min, max, .. } = self.bounds;
         [min, DVec2::new(max.x, min.y), max, DVec2::new(min.x, max.y)].map(|at| self.lift(normal, offset_m, at))
     }
 
@@ -128,7 +128,7 @@ impl PlanarIndex {
 
     /// Whether a point of the plane lies on one of the triangles, or within `slack_m` (laid out) of one; edges belong to them.
     pub fn contains(&self, point: DVec3, slack_m: f64) -> bool {
-        let Bounds { drop, min, max } = self.bounds;
+        let PlanarBounds { drop, min, max } = self.bounds;
         let p = project(drop, point);
         if p.cmplt(min - slack_m).any() || p.cmpgt(max + slack_m).any() {
             return false;
@@ -145,7 +145,7 @@ impl PlanarIndex {
     }
 
     fn cell(&self, side: usize, p: DVec2) -> (usize, usize) {
-        let Bounds { min, max, .. } = self.bounds;
+        let PlanarBounds { min, max, .. } = self.bounds;
         let at = (p - min) / (max - min).max(DVec2::splat(f64::MIN_POSITIVE)) * side as f64;
         // `as` saturates: a point just outside falls into the border cell.
         ((at.x as usize).min(side - 1), (at.y as usize).min(side - 1))

@@ -4,7 +4,7 @@ use crate::radio::candidates::chain::Chain;
 use crate::radio::diffraction::{EdgeFace, EdgeRay, Wedge, diffract};
 use crate::radio::field::antenna::{phi_hat, theta_hat};
 use crate::radio::field::fresnel::{self, SlabResponse};
-use crate::radio::field::{self, Field};
+use crate::radio::field::{self, ElectricField};
 use crate::radio::geometry::{BESIDE_M, Crossing, Geometry};
 use crate::radio::paths::path::{Interaction, InteractionKind, Path};
 use crate::radio::{Complex, MAX_INTERACTIONS, RadioSettings, SPEED_OF_LIGHT};
@@ -178,7 +178,7 @@ impl Propagator<'_, '_> {
         let mut spreading_per_m = 1.0 / length_m;
         let departure = (corners.first().copied().unwrap_or(rx) - tx).normalize();
         let (mut travelled_m, mut direction) = (0.0, departure);
-        let mut e = [Field::real(theta_hat(departure)), Field::real(phi_hat(departure))];
+        let mut e = [ElectricField::real(theta_hat(departure)), ElectricField::real(phi_hat(departure))];
         for i in 0..=turns.len() {
             let (from, to, _) = route.leg(i);
             let leg_m = from.distance(to);

@@ -17,7 +17,7 @@
 //! | camera pose | `perspective`, whose camera frame is x left, y up, z forward |
 //!
 //! Colours with a factor are stored as 16-bit PNG, others as the 8 bits they are. What a scene needs and cannot have is listed in
-//! [`Summary::approximated`].
+//! [`MitsubaSummary::approximated`].
 
 mod emission;
 mod light;
@@ -45,7 +45,7 @@ pub struct Views {
 
 /// Summary of an export by [`write()`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Summary {
+pub struct MitsubaSummary {
     /// The folder.
     pub folder: PathBuf,
     /// Number of shapes (PLY files).
@@ -71,7 +71,7 @@ type Files = Vec<(String, Vec<u8>)>;
 ///
 /// # Errors
 /// A camera that Mitsuba has no sensor for, images that cannot be encoded, files that cannot be written.
-pub fn write(scene: &Scene, views: Option<&Views>, folder: &Path) -> Result<Summary> {
+pub fn write(scene: &Scene, views: Option<&Views>, folder: &Path) -> Result<MitsubaSummary> {
     let mut approximated = BTreeSet::new();
     let mut xml = Xml::new();
     xml.comment("Light, as corf's scene says it. World frame: z up, metres. Textures: first row at v = 0.");
@@ -98,7 +98,7 @@ pub fn write(scene: &Scene, views: Option<&Views>, folder: &Path) -> Result<Summ
     }
     // Last: a folder with a scene.xml is complete.
     io::write_atomic(folder.join("scene.xml"), xml.into_text().as_bytes())?;
-    Ok(Summary {
+    Ok(MitsubaSummary {
         folder: folder.to_path_buf(),
         shapes: meshes.shapes,
         materials: used.len(),

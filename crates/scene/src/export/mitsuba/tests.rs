@@ -28,7 +28,7 @@ fn reference() -> Option<TextureRef> {
     Some(TextureRef { texture: 0, uv_from_uv: Affine2::IDENTITY })
 }
 
-fn exported(scene: &Scene) -> (tempfile::TempDir, Summary, String) {
+fn exported(scene: &Scene) -> (tempfile::TempDir, MitsubaSummary, String) {
     let folder = tempfile::tempdir().unwrap();
     let summary = write(scene, None, folder.path()).unwrap();
     let xml = std::fs::read_to_string(folder.path().join("scene.xml")).unwrap();

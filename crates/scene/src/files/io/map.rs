@@ -167,7 +167,7 @@ fn exr(bytes: &[u8], path: &Path) -> Result<Map> {
 
 fn npy(bytes: &[u8], path: &Path) -> Result<Map> {
     let place = path.display().to_string();
-    let npz::Numbers { shape, values, stored } = npz::decode_npy(bytes, &place)?;
+    let npz::NpyNumbers { shape, values, stored } = npz::decode_npy(bytes, &place)?;
     let (height, width) = match *shape.as_slice() {
         [height, width] | [height, width, 1] | [1, height, width] => (height, width),
         _ => return Err(Error::invalid(place, format!("its shape is {shape:?}"), "save an array of shape (rows, columns)")),

@@ -9,7 +9,7 @@ mod config;
 
 use crate::config::SceneConfig;
 use crate::finding::Finding;
-use crate::parts::{self, Part};
+use crate::parts::{self, ConnectedPart};
 use crate::solids::Solids;
 use crate::{Error, Result, Scene, Severity, near_field, trajectory};
 use glam::DVec3;
@@ -72,10 +72,10 @@ pub fn material_findings(scene: &Scene, frequency_hz: f64) -> Vec<Finding> {
 
 /// Bodies with holes: a warning for each object. Plates thinner than their two slabs: a note for all of them.
 pub fn body_findings(scene: &Scene) -> Vec<Finding> {
-    let object = |part: &Part| scene.objects[part.object as usize].name.as_str();
+    let object = |part: &ConnectedPart| scene.objects[part.object as usize].name.as_str();
     let parts = parts::parts(scene);
     let mut findings = hole_findings(scene, &parts);
-    let plates: Vec<(&Part, f64, u32)> =
+    let plates: Vec<(&ConnectedPart, f64, u32)> =
         parts.iter().filter_map(|part| part.thinner_than_its_slabs(scene).map(|(t, material)| (part, t, material))).collect();
     if let Some((part, thickness_m, material)) = plates.first() {
         let slab = &scene.materials[*material as usize];
@@ -94,8 +94,8 @@ pub fn body_findings(scene: &Scene) -> Vec<Finding> {
 }
 
 /// A warning for every object with a body that has a hole, about the largest of them.
-fn hole_findings(scene: &Scene, parts: &[Part]) -> Vec<Finding> {
-    let mut worst: BTreeMap<u32, (&Part, DVec3)> = BTreeMap::new();
+fn hole_findings(scene: &Scene, parts: &[ConnectedPart]) -> Vec<Finding> {
+    let mut worst: BTreeMap<u32, (&ConnectedPart, DVec3)> = BTreeMap::new();
     for part in parts {
         if let Some(at) = part.hole(scene) {
             let known = worst.entry(part.object).or_insert((part, at));
@@ -104,7 +104,7 @@ fn hole_findings(scene: &Scene, parts: &[Part]) -> Vec<Finding> {
             }
         }
     }
-    let finding = |(object, (part, at)): (u32, (&Part, DVec3))| {
+    let finding = |(object, (part, at)): (u32, (&ConnectedPart, DVec3))| {
         let place = format!("{}: object \"{}\"", scene.name, scene.objects[object as usize].name);
         let what = format!(
             "a body of {:.2} m² with a hole: {} open edges, one of them at ({:.3}, {:.3}, {:.3})",

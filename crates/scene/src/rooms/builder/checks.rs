@@ -1,7 +1,7 @@
 //! Checks shared by the tests of all scenes built in code.
 
 use super::materials::Mat;
-use super::mesh_builder::Object;
+use super::mesh_builder::BuiltObject;
 use crate::info::validate_scene;
 use crate::trajectory::TrajectoryPose;
 use crate::{Scene, Severity};
@@ -46,7 +46,7 @@ pub fn assert_rich(scene: &Scene) {
 }
 
 /// Normals are unit vectors on their triangles' outer side, and no triangle is degenerate.
-pub fn assert_normals(objects: &[Object]) {
+pub fn assert_normals(objects: &[BuiltObject]) {
     for object in objects {
         for (mat, mesh) in &object.parts {
             for n in &mesh.normals {
@@ -68,7 +68,7 @@ pub fn assert_normals(objects: &[Object]) {
 type Body = (f64, BTreeMap<(usize, usize), i32>, BTreeSet<Mat>, DVec3);
 
 /// Every body whose materials are none of which sheets are made is closed and wound outwards. How many are closed, and how many open.
-pub fn assert_closed(objects: &[Object], is_sheet: impl Fn(Mat) -> bool) -> (usize, usize) {
+pub fn assert_closed(objects: &[BuiltObject], is_sheet: impl Fn(Mat) -> bool) -> (usize, usize) {
     let key = |p: DVec3| [p.x, p.y, p.z].map(|v| (v * 1e6).round() as i64);
     let (mut closed, mut open) = (0, 0);
     for object in objects {

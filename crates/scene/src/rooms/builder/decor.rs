@@ -1,7 +1,7 @@
 //! Plants, books, lamps and the small things people leave in a room.
 
 use super::materials::Mat;
-use super::mesh_builder::{Frame, Mesh, Object};
+use super::mesh_builder::{BuiltObject, LocalFrame, Mesh};
 use super::shapes::{block, cuboid, picture, printed_box, rounded_box, v};
 use super::shapes_round::{cylinder, disc, lathe, leaf, rod, sphere, tube};
 use super::trig;
@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3};
 const STAGE_DECOR: u64 = 0xdec0;
 
 /// A round planter with soil.
-fn pot(material: Mat, radius: f64, height: f64) -> Object {
+fn pot(material: Mat, radius: f64, height: f64) -> BuiltObject {
     let r = radius;
     let profile = [
         [0.0, 0.0],
@@ -24,11 +24,19 @@ fn pot(material: Mat, radius: f64, height: f64) -> Object {
         [0.88 * r, height - 0.07],
         [0.0, height - 0.07],
     ];
-    Object::new("").with(material, lathe(&profile, 28)).with(Mat::Soil, disc(0.87 * r, height - 0.06, height - 0.05, 20))
+    BuiltObject::new("").with(material, lathe(&profile, 28)).with(Mat::Soil, disc(0.87 * r, height - 0.06, height - 0.05, 20))
 }
 
 /// A plant of arching leaves from one crown (a fern, a dracaena): `count` leaves of about `length` metres.
-pub fn crown_plant(name: &str, seed: u64, pot_material: Mat, leaf_material: Mat, stem: f64, length: f64, count: usize) -> Object {
+pub fn crown_plant(
+    name: &str,
+    seed: u64,
+    pot_material: Mat,
+    leaf_material: Mat,
+    stem: f64,
+    length: f64,
+    count: usize,
+) -> BuiltObject {
     let mut o = pot(pot_material, 0.23, 0.42);
     o.name = name.to_owned();
     let crown = v(0.0, 0.0, 0.36 + stem);
@@ -50,7 +58,7 @@ pub fn crown_plant(name: &str, seed: u64, pot_material: Mat, leaf_material: Mat,
 }
 
 /// A small tree: a stem, thin branches, many broad leaves (a ficus).
-pub fn tree(name: &str, seed: u64, pot_material: Mat, height: f64, leaves: usize) -> Object {
+pub fn tree(name: &str, seed: u64, pot_material: Mat, height: f64, leaves: usize) -> BuiltObject {
     let mut o = pot(pot_material, 0.27, 0.5);
     o.name = name.to_owned();
     o.add(Mat::Walnut, tube(&[v(0.0, 0.0, 0.42), v(0.03, 0.0, 0.5 * height), v(0.0, 0.02, 0.82 * height)], 0.02, 10));
@@ -72,9 +80,9 @@ pub fn tree(name: &str, seed: u64, pot_material: Mat, height: f64, leaves: usize
 }
 
 /// A planter box with a row of upright leaves (sansevieria). Along x.
-pub fn planter(name: &str, seed: u64, length: f64) -> Object {
+pub fn planter(name: &str, seed: u64, length: f64) -> BuiltObject {
     let (h, d) = (0.5 * length, 0.19);
-    let mut o = Object::new(name).with(Mat::ConcretePot, rounded_box(v(-h, -d, 0.0), v(h, d, 0.5), 0.02, 2, 1));
+    let mut o = BuiltObject::new(name).with(Mat::ConcretePot, rounded_box(v(-h, -d, 0.0), v(h, d, 0.5), 0.02, 2, 1));
     o.add(Mat::Soil, cuboid(v(-h + 0.03, -d + 0.03, 0.5), v(h - 0.03, d - 0.03, 0.505)));
     for k in 0..(length * 40.0) as u64 {
         let mut rng = Rng::keyed(seed, STAGE_DECOR, k);
@@ -89,7 +97,7 @@ pub fn planter(name: &str, seed: u64, length: f64) -> Object {
 }
 
 /// A row of books on a board along x from `from` to `to`; spines towards −y, at `y`.
-fn books(o: &mut Object, seed: u64, from: f64, to: f64, y: f64, z: f64) {
+fn books(o: &mut BuiltObject, seed: u64, from: f64, to: f64, y: f64, z: f64) {
     let mut x = from;
     for k in 0.. {
         let mut rng = Rng::keyed(seed, STAGE_DECOR, k);
@@ -124,9 +132,9 @@ fn books(o: &mut Object, seed: u64, from: f64, to: f64, y: f64, z: f64) {
 }
 
 /// A bookcase along x, open towards −y, its back at y = 0.
-pub fn bookcase(name: &str, seed: u64, length: f64, height: f64) -> Object {
+pub fn bookcase(name: &str, seed: u64, length: f64, height: f64) -> BuiltObject {
     let (d, t) = (0.32, 0.025);
-    let mut o = Object::new(name);
+    let mut o = BuiltObject::new(name);
     o.add(Mat::Shelf, cuboid(v(0.0, -0.012, 0.0), v(length, 0.0, height)));
     let bays = (length / 0.95).round().max(1.0) as usize;
     for i in 0..=bays {
@@ -156,26 +164,27 @@ pub fn bookcase(name: &str, seed: u64, length: f64, height: f64) -> Object {
 }
 
 /// A floor lamp: marble foot, brass rod, cloth drum that glows, closed above and below by the cloth's diffusers.
-pub fn floor_lamp() -> Object {
+pub fn floor_lamp() -> BuiltObject {
     let mut o =
-        Object::new("").with(Mat::MarbleWhite, disc(0.15, 0.0, 0.04, 32)).with(Mat::Brass, cylinder(0.011, 0.04, 1.42, 12));
+        BuiltObject::new("").with(Mat::MarbleWhite, disc(0.15, 0.0, 0.04, 32)).with(Mat::Brass, cylinder(0.011, 0.04, 1.42, 12));
     o.add(Mat::LampShade, lathe(&[[0.0, 1.3], [0.2, 1.3], [0.17, 1.58], [0.0, 1.58]], 20));
     o.add(Mat::Brass, rod(v(-0.185, 0.0, 1.42), v(0.185, 0.0, 1.42), 0.005, 6));
     o
 }
 
 /// A waste bin with a swing lid.
-pub fn bin(body: Mat) -> Object {
+pub fn bin(body: Mat) -> BuiltObject {
     let profile = [[0.0, 0.0], [0.15, 0.0], [0.16, 0.01], [0.17, 0.6], [0.17, 0.62], [0.15, 0.64], [0.11, 0.7], [0.0, 0.72]];
-    Object::new("")
+    BuiltObject::new("")
         .with(body, lathe(&profile, 28))
         .with(Mat::BlackPlastic, lathe(&[[0.172, 0.56], [0.176, 0.565], [0.176, 0.6], [0.172, 0.605]], 28))
 }
 
 /// An extinguisher on its bracket: stands on local z = 0, the wall behind at +y.
-pub fn extinguisher() -> Object {
+pub fn extinguisher() -> BuiltObject {
     let body = [[0.0, 0.0], [0.07, 0.0], [0.078, 0.015], [0.078, 0.4], [0.06, 0.45], [0.025, 0.475], [0.022, 0.5], [0.0, 0.5]];
-    let mut o = Object::new("").with(Mat::RedMetal, lathe(&body, 20)).with(Mat::BlackPlastic, cylinder(0.024, 0.5, 0.54, 16));
+    let mut o =
+        BuiltObject::new("").with(Mat::RedMetal, lathe(&body, 20)).with(Mat::BlackPlastic, cylinder(0.024, 0.5, 0.54, 16));
     o.add(Mat::BlackPlastic, cuboid(v(-0.012, -0.11, 0.53), v(0.012, 0.03, 0.548)));
     o.add(Mat::BlackPlastic, cuboid(v(-0.012, -0.12, 0.56), v(0.012, 0.02, 0.578)));
     o.add(
@@ -187,8 +196,8 @@ pub fn extinguisher() -> Object {
 }
 
 /// A water cooler with a bottle.
-pub fn water_cooler() -> Object {
-    let mut o = Object::new("").with(Mat::WhitePlastic, rounded_box(v(-0.16, -0.16, 0.0), v(0.16, 0.16, 0.98), 0.025, 2, 1));
+pub fn water_cooler() -> BuiltObject {
+    let mut o = BuiltObject::new("").with(Mat::WhitePlastic, rounded_box(v(-0.16, -0.16, 0.0), v(0.16, 0.16, 0.98), 0.025, 2, 1));
     o.add(Mat::GreyMetal, cuboid(v(-0.11, -0.19, 0.62), v(0.11, -0.16, 0.66)));
     for (x, tap) in [(-0.05, Mat::BluePlastic), (0.05, Mat::RedMetal)] {
         o.add(tap, rod(v(x, -0.16, 0.82), v(x, -0.2, 0.82), 0.015, 12));
@@ -210,9 +219,9 @@ pub fn water_cooler() -> Object {
 }
 
 /// A vending machine, 0.9 × 0.75 × 1.85 m, front towards −y.
-pub fn vending_machine() -> Object {
-    let mut o = Object::new("Vending machine").with(Mat::DarkMetal, cuboid(v(-0.45, -0.35, 0.05), v(0.45, 0.38, 1.85)));
-    let front = printed_box(v(-0.45, -0.9, 0.0), v(0.45, 0.9, 0.02)).placed(&Frame::tilt(90.0));
+pub fn vending_machine() -> BuiltObject {
+    let mut o = BuiltObject::new("Vending machine").with(Mat::DarkMetal, cuboid(v(-0.45, -0.35, 0.05), v(0.45, 0.38, 1.85)));
+    let front = printed_box(v(-0.45, -0.9, 0.0), v(0.45, 0.9, 0.02)).placed(&LocalFrame::tilt(90.0));
     o.add(Mat::Vending, front.shifted(0.0, -0.35, 0.95));
     for x in [-0.38, 0.38] {
         for y in [-0.3, 0.3] {
@@ -223,9 +232,9 @@ pub fn vending_machine() -> Object {
 }
 
 /// An umbrella stand with three umbrellas.
-pub fn umbrella_stand() -> Object {
+pub fn umbrella_stand() -> BuiltObject {
     let wall = [[0.0, 0.0], [0.13, 0.0], [0.14, 0.02], [0.14, 0.5], [0.13, 0.5], [0.13, 0.03], [0.0, 0.03]];
-    let mut o = Object::new("Umbrella stand").with(Mat::Brushed, lathe(&wall, 24));
+    let mut o = BuiltObject::new("Umbrella stand").with(Mat::Brushed, lathe(&wall, 24));
     for (k, cloth) in [Mat::ClothRust, Mat::BlackPlastic, Mat::ClothTeal].into_iter().enumerate() {
         let (c, s) = trig::on_circle(k as f64 / 3.0 + 0.1);
         let (foot, head) = (v(0.04 * c, 0.04 * s, 0.03), v(0.11 * c, 0.11 * s, 0.72));
@@ -245,8 +254,8 @@ pub fn umbrella_stand() -> Object {
 }
 
 /// Posts joined by a sagging belt, in the order of `at`.
-pub fn stanchions(at: &[[f64; 2]]) -> Object {
-    let mut o = Object::new("Stanchions");
+pub fn stanchions(at: &[[f64; 2]]) -> BuiltObject {
+    let mut o = BuiltObject::new("Stanchions");
     for [x, y] in at {
         let post = [
             [0.0, 0.0],
@@ -282,8 +291,8 @@ pub fn stanchions(at: &[[f64; 2]]) -> Object {
 }
 
 /// A monitor on its foot with a keyboard before it, for a work top 0.74 m high. The lit side looks at whoever sits there, towards +y.
-pub fn monitor(face: Mat) -> Object {
-    let mut o = Object::new("");
+pub fn monitor(face: Mat) -> BuiltObject {
+    let mut o = BuiltObject::new("");
     o.add(Mat::BlackPlastic, rounded_box(v(-0.27, 0.0, 0.86), v(0.27, 0.03, 1.18), 0.008, 2, 1));
     o.add(face, picture(v(0.26, 0.0305, 0.87), v(-0.52, 0.0, 0.0), v(0.0, 0.0, 0.3)));
     o.add(Mat::DarkMetal, cuboid(v(-0.03, -0.012, 0.75), v(0.03, 0.0, 1.0)));
@@ -293,19 +302,19 @@ pub fn monitor(face: Mat) -> Object {
 }
 
 /// Two monitors, a keyboard, a telephone, a vase with a small plant and a bell, for the desk's work top and counter. Front towards −y.
-pub fn desk_things() -> Vec<Object> {
+pub fn desk_things() -> Vec<BuiltObject> {
     let mut all = Vec::new();
     for (i, x) in [-0.75, 0.6].into_iter().enumerate() {
         all.push(monitor(Mat::ScreenDesk).copy(format!("Monitor {}", i + 1), 0.0, x, -0.02, 0.0));
     }
     let mut phone =
-        Object::new("Telephone").with(Mat::BlackPlastic, rounded_box(v(-0.1, -0.1, 0.74), v(0.1, 0.1, 0.78), 0.015, 2, 1));
+        BuiltObject::new("Telephone").with(Mat::BlackPlastic, rounded_box(v(-0.1, -0.1, 0.74), v(0.1, 0.1, 0.78), 0.015, 2, 1));
     phone.add(
         Mat::BlackPlastic,
         tube(&[v(-0.07, -0.09, 0.79), v(-0.08, -0.04, 0.805), v(-0.08, 0.04, 0.805), v(-0.07, 0.09, 0.79)], 0.02, 12),
     );
-    all.push(phone.placed(&Frame::at(0.0, 0.2, 0.0)));
-    let mut vase = Object::new("Vase on the counter");
+    all.push(phone.placed(&LocalFrame::at(0.0, 0.2, 0.0)));
+    let mut vase = BuiltObject::new("Vase on the counter");
     vase.add(
         Mat::Clay,
         lathe(&[[0.0, 0.0], [0.05, 0.0], [0.08, 0.08], [0.07, 0.16], [0.035, 0.22], [0.045, 0.26], [0.0, 0.25]], 32)
@@ -316,7 +325,7 @@ pub fn desk_things() -> Vec<Object> {
         let (c, s) = trig::on_circle(0.381_966 * k as f64);
         vase.add(Mat::Leaf, leaf(v(0.01 * c, 0.01 * s, 1.34), v(c, s, 1.2 + rng.uniform_f64()), 0.26, 0.045, 0.5, 5));
     }
-    all.push(vase.placed(&Frame::at(1.5, -0.2, 0.0)));
+    all.push(vase.placed(&LocalFrame::at(1.5, -0.2, 0.0)));
     let bell = [
         [0.0, 0.0],
         [0.045, 0.0],
@@ -328,9 +337,9 @@ pub fn desk_things() -> Vec<Object> {
         [0.005, 0.056],
         [0.0, 0.058],
     ];
-    all.push(Object::new("Bell").with(Mat::Brass, lathe(&bell, 28).shifted(-0.2, -0.25, 1.1)));
+    all.push(BuiltObject::new("Bell").with(Mat::Brass, lathe(&bell, 28).shifted(-0.2, -0.25, 1.1)));
     all.push(
-        Object::new("Leaflets")
+        BuiltObject::new("Leaflets")
             .with(Mat::BluePlastic, block(-1.4, -0.2, 1.1, [0.21, 0.15, 0.04]))
             .with(Mat::WhitePlastic, block(-1.14, -0.2, 1.1, [0.21, 0.15, 0.03])),
     );
@@ -338,6 +347,6 @@ pub fn desk_things() -> Vec<Object> {
 }
 
 /// A globe lamp of glass on a short foot, for side tables.
-pub fn table_lamp() -> Object {
-    Object::new("").with(Mat::Brass, disc(0.07, 0.0, 0.02, 24)).with(Mat::PendantGlow, sphere(v(0.0, 0.0, 0.11), 0.09, 12))
+pub fn table_lamp() -> BuiltObject {
+    BuiltObject::new("").with(Mat::Brass, disc(0.07, 0.0, 0.02, 24)).with(Mat::PendantGlow, sphere(v(0.0, 0.0, 0.11), 0.09, 12))
 }

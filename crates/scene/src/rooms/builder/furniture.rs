@@ -1,17 +1,17 @@
 //! Seating and tables. Every piece stands on z = 0 with its front towards −y, centred on its footprint.
 
 use super::materials::Mat;
-use super::mesh_builder::{Frame, Object};
+use super::mesh_builder::{BuiltObject, LocalFrame};
 use super::shapes::{block, cuboid, cushion, rounded_box, v};
 use super::shapes_round::{cylinder, disc, lathe, rod, tube};
 use super::trig;
 
 /// A sofa or armchair of `seats` seats.
-pub fn sofa(seats: usize, cover: Mat, pillow: Mat) -> Object {
+pub fn sofa(seats: usize, cover: Mat, pillow: Mat) -> BuiltObject {
     let (seat_w, depth, arm) = (0.66, 0.86, 0.17);
     let width = seat_w * seats as f64 + 2.0 * arm;
     let (hw, hd) = (0.5 * width, 0.5 * depth);
-    let mut o = Object::new("");
+    let mut o = BuiltObject::new("");
     for x in [-hw + 0.12, hw - 0.12] {
         for y in [-hd + 0.1, hd - 0.1] {
             o.add(Mat::DarkMetal, lathe(&[[0.0, 0.0], [0.014, 0.0], [0.022, 0.13], [0.0, 0.13]], 12).shifted(x, y, 0.0));
@@ -28,11 +28,11 @@ pub fn sofa(seats: usize, cover: Mat, pillow: Mat) -> Object {
         let half = 0.5 * seat_w - 0.006;
         o.add(cover, cushion(v(x - half, -hd + 0.02, 0.275), v(x + half, hd - 0.2, 0.43), 0.05, 0.025));
         // A back cushion is a lying one, stood up and leant back.
-        let back = cushion(v(-half, -0.21, -0.075), v(half, 0.21, 0.075), 0.05, 0.03).placed(&Frame::tilt(76.0));
+        let back = cushion(v(-half, -0.21, -0.075), v(half, 0.21, 0.075), 0.05, 0.03).placed(&LocalFrame::tilt(76.0));
         o.add(cover, back.shifted(x, hd - 0.27, 0.63));
     }
     for (i, side) in [-1.0, 1.0].into_iter().enumerate().take(seats.min(2)) {
-        let lean = cushion(v(-0.2, -0.2, -0.05), v(0.2, 0.2, 0.05), 0.045, 0.05).placed(&Frame::tilt(68.0));
+        let lean = cushion(v(-0.2, -0.2, -0.05), v(0.2, 0.2, 0.05), 0.045, 0.05).placed(&LocalFrame::tilt(68.0));
         o.add(
             pillow,
             lean.turned(
@@ -47,8 +47,8 @@ pub fn sofa(seats: usize, cover: Mat, pillow: Mat) -> Object {
 }
 
 /// A low table: a slab of stone or wood on two crossed steel frames, with a book and a bowl.
-pub fn coffee_table(length: f64, width: f64, top: Mat) -> Object {
-    let mut o = Object::new("");
+pub fn coffee_table(length: f64, width: f64, top: Mat) -> BuiltObject {
+    let mut o = BuiltObject::new("");
     let (hl, hw) = (0.5 * length, 0.5 * width);
     o.add(top, rounded_box(v(-hl, -hw, 0.38), v(hl, hw, 0.41), 0.008, 1, 1));
     for x in [-hl + 0.12, hl - 0.12] {
@@ -68,7 +68,7 @@ pub fn coffee_table(length: f64, width: f64, top: Mat) -> Object {
 }
 
 /// A round table on a trumpet foot; 0.74 m for a café, 1.06 m for a bar.
-pub fn round_table(radius: f64, height: f64, top: Mat) -> Object {
+pub fn round_table(radius: f64, height: f64, top: Mat) -> BuiltObject {
     let foot = [
         [0.0, 0.0],
         [0.26, 0.0],
@@ -80,12 +80,13 @@ pub fn round_table(radius: f64, height: f64, top: Mat) -> Object {
         [0.09, height - 0.025],
         [0.0, height - 0.025],
     ];
-    Object::new("").with(top, disc(radius, height - 0.025, height, 36)).with(Mat::Brushed, lathe(&foot, 24))
+    BuiltObject::new("").with(top, disc(radius, height - 0.025, height, 36)).with(Mat::Brushed, lathe(&foot, 24))
 }
 
 /// A bar stool: round cushion, four splayed legs, a foot ring.
-pub fn stool(cover: Mat) -> Object {
-    let mut o = Object::new("").with(cover, disc(0.18, 0.68, 0.76, 24)).with(Mat::DarkMetal, cylinder(0.15, 0.665, 0.68, 24));
+pub fn stool(cover: Mat) -> BuiltObject {
+    let mut o =
+        BuiltObject::new("").with(cover, disc(0.18, 0.68, 0.76, 24)).with(Mat::DarkMetal, cylinder(0.15, 0.665, 0.68, 24));
     for k in 0..4 {
         let (x, y) = trig::on_circle(0.125 + 0.25 * f64::from(k));
         o.add(Mat::DarkMetal, rod(v(0.22 * x, 0.22 * y, 0.002), v(0.12 * x, 0.12 * y, 0.665), 0.011, 10));
@@ -97,8 +98,8 @@ pub fn stool(cover: Mat) -> Object {
 }
 
 /// A chair with a shell seat and back, and four wooden legs.
-pub fn chair(cover: Mat) -> Object {
-    let mut o = Object::new("");
+pub fn chair(cover: Mat) -> BuiltObject {
+    let mut o = BuiltObject::new("");
     for (x, y) in [(-0.2, -0.2), (0.2, -0.2), (-0.2, 0.2), (0.2, 0.2)] {
         o.add(Mat::Oak, rod(v(x, y, 0.002), v(0.82 * x, 0.82 * y, 0.43), 0.014, 12));
     }
@@ -112,8 +113,8 @@ pub fn chair(cover: Mat) -> Object {
 }
 
 /// A swivel chair on five castors.
-pub fn office_chair(cover: Mat) -> Object {
-    let mut o = Object::new("").with(Mat::Chrome, cylinder(0.028, 0.09, 0.44, 16));
+pub fn office_chair(cover: Mat) -> BuiltObject {
+    let mut o = BuiltObject::new("").with(Mat::Chrome, cylinder(0.028, 0.09, 0.44, 16));
     for k in 0..5 {
         let (x, y) = trig::on_circle(0.2 * f64::from(k) + 0.05);
         o.add(Mat::DarkMetal, rod(v(0.02 * x, 0.02 * y, 0.1), v(0.29 * x, 0.29 * y, 0.075), 0.02, 10));
@@ -139,9 +140,9 @@ pub fn office_chair(cover: Mat) -> Object {
 }
 
 /// The reception desk, 3.8 m long: wooden front with a leather inlay, marble counter and side, work top behind. Front towards −y.
-pub fn reception_desk() -> Object {
+pub fn reception_desk() -> BuiltObject {
     let (hl, d) = (1.9, 0.7);
-    let mut o = Object::new("Reception desk");
+    let mut o = BuiltObject::new("Reception desk");
     o.add(Mat::Laminate, cuboid(v(-hl + 0.06, -0.28, 0.06), v(hl - 0.06, -0.25, 1.06)));
     o.add(Mat::DarkMetal, cuboid(v(-hl + 0.1, -0.27, 0.0), v(hl - 0.1, 0.2, 0.06)));
     // The front: oak planks that stand proud, with an inlay of leather cushions between two rows.
@@ -158,8 +159,8 @@ pub fn reception_desk() -> Object {
     for i in 0..8 {
         let w = (2.0 * hl - 0.12) / 8.0;
         let x0 = -hl + 0.06 + w * f64::from(i);
-        let pad =
-            cushion(v(-0.5 * w + 0.003, -0.21, -0.02), v(0.5 * w - 0.003, 0.21, 0.02), 0.018, 0.018).placed(&Frame::tilt(90.0));
+        let pad = cushion(v(-0.5 * w + 0.003, -0.21, -0.02), v(0.5 * w - 0.003, 0.21, 0.02), 0.018, 0.018)
+            .placed(&LocalFrame::tilt(90.0));
         o.add(Mat::LeatherTan, pad.shifted(x0 + 0.5 * w, -0.3, 0.58));
     }
     o.add(Mat::MarbleWhite, rounded_box(v(-hl, -0.4, 1.06), v(hl, 0.02, 1.1), 0.012, 1, 1));
@@ -179,9 +180,9 @@ pub fn reception_desk() -> Object {
 }
 
 /// A bench without back: upholstered top on a sled of flat steel.
-pub fn bench(length: f64, cover: Mat) -> Object {
+pub fn bench(length: f64, cover: Mat) -> BuiltObject {
     let h = 0.5 * length;
-    let mut o = Object::new("").with(cover, cushion(v(-h, -0.22, 0.36), v(h, 0.22, 0.46), 0.04, 0.01));
+    let mut o = BuiltObject::new("").with(cover, cushion(v(-h, -0.22, 0.36), v(h, 0.22, 0.46), 0.04, 0.01));
     o.add(Mat::Oak, cuboid(v(-h + 0.02, -0.2, 0.33), v(h - 0.02, 0.2, 0.36)));
     for x in [-h + 0.2, h - 0.2] {
         o.add(Mat::DarkMetal, cuboid(v(x - 0.025, -0.2, 0.0), v(x + 0.025, 0.2, 0.012)));

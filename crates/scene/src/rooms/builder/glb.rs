@@ -2,8 +2,8 @@
 //!
 //! The JSON comes from structs, so its keys keep one order in every build.
 
-use super::materials::{Mat, MaterialSpec, Radio};
-use super::mesh_builder::Object;
+use super::materials::{Mat, MaterialSpec, SurfaceRadio};
+use super::mesh_builder::BuiltObject;
 use super::textures::Tex;
 use crate::draw::Format;
 use glam::DVec3;
@@ -77,8 +77,8 @@ fn radio_extras(spec: &MaterialSpec) -> Value {
         ("xpd", json!(0.0)),
     ];
     match spec.radio {
-        Radio::Itu(name) => fields.push(("itu", json!(name))),
-        Radio::Given(_, relative_permittivity, loss_tangent) => {
+        SurfaceRadio::Itu(name) => fields.push(("itu", json!(name))),
+        SurfaceRadio::Given(_, relative_permittivity, loss_tangent) => {
             let sigma = MaterialSpec::conductivity_s_per_m(relative_permittivity, loss_tangent);
             fields.push(("relative_permittivity", json!(relative_permittivity)));
             fields.push(("conductivity_s_per_m", json!(sigma)));
@@ -154,7 +154,7 @@ fn pad4(bytes: &mut Vec<u8>, with: u8) {
 }
 
 /// The whole file. Objects keep their order; materials and textures are those in use, in the order of their declaration.
-pub fn write(objects: &[Object]) -> Vec<u8> {
+pub fn write(objects: &[BuiltObject]) -> Vec<u8> {
     let used: BTreeSet<Mat> = objects.iter().flat_map(|o| o.parts.iter().map(|p| p.0)).collect();
     let materials: Vec<Mat> = used.into_iter().collect();
     let used: BTreeSet<Tex> = materials.iter().flat_map(|m| [m.spec().texture, m.spec().normal]).flatten().collect();

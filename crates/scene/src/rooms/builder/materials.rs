@@ -8,31 +8,31 @@ use super::textures::Tex;
 
 /// Radio material of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Radio {
+pub enum SurfaceRadio {
     /// A row of ITU-R P.2040-3 by its own name.
     Itu(&'static str),
     /// A name, the relative permittivity and the loss tangent at 60 GHz.
     Given(&'static str, f64, f64),
 }
 
-use Radio::{Given, Itu};
+use SurfaceRadio::{Given, Itu};
 
-const CONCRETE: Radio = Itu("concrete");
-const PLASTERBOARD: Radio = Itu("plasterboard");
-const GLASS: Radio = Itu("glass");
-const WOOD: Radio = Itu("wood");
-const MARBLE: Radio = Itu("marble");
-const METAL: Radio = Itu("metal");
-const CEILING: Radio = Itu("ceiling_board");
-const CHIPBOARD: Radio = Itu("chipboard");
-const FLOORBOARD: Radio = Itu("floorboard");
-const LEATHER: Radio = Given("leather", 1.8, 0.05);
-const CLOTH: Radio = Given("cloth", 1.8, 0.03);
-const PLASTIC: Radio = Given("plastic", 2.3, 0.01);
+const CONCRETE: SurfaceRadio = Itu("concrete");
+const PLASTERBOARD: SurfaceRadio = Itu("plasterboard");
+const GLASS: SurfaceRadio = Itu("glass");
+const WOOD: SurfaceRadio = Itu("wood");
+const MARBLE: SurfaceRadio = Itu("marble");
+const METAL: SurfaceRadio = Itu("metal");
+const CEILING: SurfaceRadio = Itu("ceiling_board");
+const CHIPBOARD: SurfaceRadio = Itu("chipboard");
+const FLOORBOARD: SurfaceRadio = Itu("floorboard");
+const LEATHER: SurfaceRadio = Given("leather", 1.8, 0.05);
+const CLOTH: SurfaceRadio = Given("cloth", 1.8, 0.03);
+const PLASTIC: SurfaceRadio = Given("plastic", 2.3, 0.01);
 /// A clipped hedge or a street far away: next to nothing comes back.
-const FOLIAGE: Radio = Given("foliage", 1.1, 0.1);
+const FOLIAGE: SurfaceRadio = Given("foliage", 1.1, 0.1);
 
-impl Radio {
+impl SurfaceRadio {
     /// The identifier in reports.
     pub fn id(self) -> &'static str {
         match self {
@@ -59,7 +59,7 @@ pub struct MaterialSpec {
     /// Name in the file.
     pub name: &'static str,
     /// Radio behaviour.
-    pub radio: Radio,
+    pub radio: SurfaceRadio,
     /// Thickness of the slab, metres.
     pub thickness_m: f64,
     /// Linear base colour, multiplied with the texture.

@@ -62,7 +62,7 @@ impl Mesh {
     }
 
     /// The mesh moved by a rigid transform.
-    pub fn placed(mut self, frame: &Frame) -> Self {
+    pub fn placed(mut self, frame: &LocalFrame) -> Self {
         self.positions.iter_mut().for_each(|p| *p = frame.point(*p));
         self.normals.iter_mut().for_each(|n| *n = frame.rotation * *n);
         self
@@ -70,12 +70,12 @@ impl Mesh {
 
     /// The mesh shifted.
     pub fn shifted(self, x: f64, y: f64, z: f64) -> Self {
-        self.placed(&Frame::at(x, y, z))
+        self.placed(&LocalFrame::at(x, y, z))
     }
 
     /// The mesh turned about z by `degrees`, then shifted.
     pub fn turned(self, degrees: f64, x: f64, y: f64, z: f64) -> Self {
-        self.placed(&Frame::yaw(degrees, x, y, z))
+        self.placed(&LocalFrame::yaw(degrees, x, y, z))
     }
 
     /// Texture coordinates turned by a quarter: grain that ran along u runs along v.
@@ -118,14 +118,14 @@ impl Mesh {
 
 /// A rotation and a shift: `world = rotation · local + translation`.
 #[derive(Clone, Copy, Debug)]
-pub struct Frame {
+pub struct LocalFrame {
     /// Orthonormal, determinant +1.
     pub rotation: DMat3,
     /// Metres.
     pub translation: DVec3,
 }
 
-impl Frame {
+impl LocalFrame {
     /// A shift.
     pub fn at(x: f64, y: f64, z: f64) -> Self {
         Self { rotation: DMat3::IDENTITY, translation: DVec3::new(x, y, z) }
@@ -175,14 +175,14 @@ impl Frame {
 
 /// A named thing: meshes grouped by material, in its own frame until it is placed.
 #[derive(Clone, Debug)]
-pub struct Object {
+pub struct BuiltObject {
     /// Node name in the file.
     pub name: String,
     /// One mesh a material, in order of first use.
     pub parts: Vec<(Mat, Mesh)>,
 }
 
-impl Object {
+impl BuiltObject {
     /// Nothing yet.
     pub fn new(name: impl Into<String>) -> Self {
         Self { name: name.into(), parts: Vec::new() }
@@ -204,13 +204,13 @@ impl Object {
     }
 
     /// The object moved as a whole.
-    pub fn placed(mut self, frame: &Frame) -> Self {
+    pub fn placed(mut self, frame: &LocalFrame) -> Self {
         self.parts = self.parts.into_iter().map(|(m, mesh)| (m, mesh.placed(frame))).collect();
         self
     }
 
     /// The object under another name, turned about z and shifted.
     pub fn copy(&self, name: impl Into<String>, degrees: f64, x: f64, y: f64, z: f64) -> Self {
-        Self { name: name.into(), parts: self.parts.clone() }.placed(&Frame::yaw(degrees, x, y, z))
+        Self { name: name.into(), parts: self.parts.clone() }.placed(&LocalFrame::yaw(degrees, x, y, z))
     }
 }

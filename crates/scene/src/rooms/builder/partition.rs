@@ -1,7 +1,7 @@
 //! Stud walls inside a building: two boards on steel studs, with openings and prints.
 
 use super::materials::Mat;
-use super::mesh_builder::{Frame, Mesh, Object};
+use super::mesh_builder::{BuiltObject, LocalFrame, Mesh};
 use super::shapes::{cuboid, v};
 use super::wall::{SKIRTING_DEPTH, Wall};
 use glam::{DVec2, DVec3};
@@ -72,7 +72,7 @@ impl Partition {
     }
 
     /// The frame of one face with its origin `along` the wall and `up` from the floor; local x to the right seen from that side.
-    pub fn frame(&self, side: Side, along: f64, up: f64) -> Frame {
+    pub fn frame(&self, side: Side, along: f64, up: f64) -> LocalFrame {
         match side {
             Side::Front => self.front.frame(along - self.start, up),
             Side::Back => self.back().frame(self.start + self.front.length - along, up),
@@ -80,7 +80,7 @@ impl Partition {
     }
 
     /// An object made in wall coordinates, on one face.
-    pub fn hang(&self, object: Object, side: Side, along: f64, up: f64) -> Object {
+    pub fn hang(&self, object: BuiltObject, side: Side, along: f64, up: f64) -> BuiltObject {
         object.placed(&self.frame(side, along, up))
     }
 
@@ -90,7 +90,7 @@ impl Partition {
     }
 
     /// The boards: one closed body, cut along the edges of openings and prints.
-    pub fn boards(&self) -> Object {
+    pub fn boards(&self) -> BuiltObject {
         let (left, right) = (self.start, self.start + self.front.length);
         let areas: Vec<[f64; 4]> = self.openings.iter().copied().chain(self.prints.iter().map(|p| p.area)).collect();
         let lines = |low: f64, high: f64, a: usize| -> Vec<f64> {
@@ -109,7 +109,7 @@ impl Partition {
                 !self.openings.iter().any(|a| holds(a, x, y))
             }
         };
-        let mut object = Object::new(self.name);
+        let mut object = BuiltObject::new(self.name);
         for i in 0..xs.len() - 1 {
             for j in 0..ys.len() - 1 {
                 if !solid(i, j) {
@@ -148,7 +148,7 @@ impl Partition {
     }
 
     /// The steel studs between the boards, which light never sees; none where there is an opening.
-    pub fn studs(&self, object: &mut Object) {
+    pub fn studs(&self, object: &mut BuiltObject) {
         let (half, from, to) = (0.025, 0.02 - THICKNESS, -0.02);
         for k in 0..(self.front.length / STUD_SPACING) as u32 {
             let x = 0.1 + STUD_SPACING * f64::from(k);
@@ -188,7 +188,7 @@ impl Partition {
 
     /// Skirting boards on both faces between the openings that reach the floor, in a building of this size in plan: an end within it meets
     /// another partition, and stops at the face of that one's board.
-    pub fn skirting(&self, object: &mut Object, size: [f64; 2]) {
+    pub fn skirting(&self, object: &mut BuiltObject, size: [f64; 2]) {
         let (left, right) = (self.start, self.start + self.front.length);
         let across = size[usize::from(self.front.inward.x != 0.0)];
         let stop = |at: f64, towards: f64| {

@@ -55,7 +55,7 @@ fn layout(text: &str) -> (Vec<Vec<[f32; 2]>>, f32) {
 
 /// Horizontal anchor of a line of text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Anchor {
+pub enum TextAnchor {
     /// The text's left end.
     Left,
     /// The text's middle.
@@ -65,15 +65,15 @@ pub enum Anchor {
 }
 
 /// Writes a line of text: `(x, y)` is the anchor on the base line in pixels, `cap` the height of capitals in pixels.
-pub fn text(canvas: &mut Canvas, text: &str, at: [f32; 2], anchor: Anchor, cap: f32, colour: Rgb) {
+pub fn text(canvas: &mut Canvas, text: &str, at: [f32; 2], anchor: TextAnchor, cap: f32, colour: Rgb) {
     let (strokes, width) = layout(text);
     let left = at[0]
         - width
             * cap
             * match anchor {
-                Anchor::Left => 0.0,
-                Anchor::Middle => 0.5,
-                Anchor::Right => 1.0,
+                TextAnchor::Left => 0.0,
+                TextAnchor::Middle => 0.5,
+                TextAnchor::Right => 1.0,
             };
     let place = |p: [f32; 2]| [left + p[0] * cap, at[1] - p[1] * cap];
     for stroke in strokes {
@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn text_stays_within_its_width_and_is_held_where_it_is_asked_to_be() {
-        for (anchor, left) in [(Anchor::Left, 100.0), (Anchor::Right, 100.0 - 30.0), (Anchor::Middle, 85.0)] {
+        for (anchor, left) in [(TextAnchor::Left, 100.0), (TextAnchor::Right, 100.0 - 30.0), (TextAnchor::Middle, 85.0)] {
             let mut canvas = Canvas::filled(200, 40, [1.0; 3]);
             let (_, width) = layout("-65 dBm");
             // Scaled so that the line is 30 pixels wide.

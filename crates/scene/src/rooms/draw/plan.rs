@@ -1,6 +1,6 @@
 //! What plans share: ticks of their axes, and lines cut at their frame.
 
-use super::{Anchor, Canvas, Rgb, text};
+use super::{Canvas, Rgb, TextAnchor, text};
 use glam::DVec2;
 
 /// Frame, ticks and names of a plan's axes in metres. `frame` is left, top, right and bottom in pixels, `from` the lower left corner's coordinates, `cap` the
@@ -24,15 +24,15 @@ pub fn metre_axes(canvas: &mut Canvas, frame: [f32; 4], from: DVec2, per_metre: 
             let label = format!("{}", (value * 1000.0).round() / 1000.0);
             if axis == 0 {
                 canvas.line([left + along, bottom], [left + along, bottom + 5.0], 1.2, ink);
-                text(canvas, &label, [left + along, bottom + 21.0], Anchor::Middle, cap, ink);
+                text(canvas, &label, [left + along, bottom + 21.0], TextAnchor::Middle, cap, ink);
             } else {
                 canvas.line([left - 5.0, bottom - along], [left, bottom - along], 1.2, ink);
-                text(canvas, &label, [left - 10.0, bottom - along + 0.5 * cap], Anchor::Right, cap, ink);
+                text(canvas, &label, [left - 10.0, bottom - along + 0.5 * cap], TextAnchor::Right, cap, ink);
             }
         }
     }
-    text(canvas, names[0], [0.5 * (left + right), bottom + 44.0], Anchor::Middle, cap, ink);
-    text(canvas, names[1], [left - 10.0, top - 12.0], Anchor::Right, cap, ink);
+    text(canvas, names[0], [0.5 * (left + right), bottom + 44.0], TextAnchor::Middle, cap, ink);
+    text(canvas, names[1], [left - 10.0, top - 12.0], TextAnchor::Right, cap, ink);
 }
 
 /// 1, 2 or 5 times a power of ten that gives about eight ticks over a length.

@@ -2,7 +2,7 @@
 
 use crate::builder::fittings::door;
 use crate::builder::materials::Mat;
-use crate::builder::mesh_builder::{Frame, Object};
+use crate::builder::mesh_builder::{BuiltObject, LocalFrame};
 use crate::builder::shapes::{cuboid, frame_bars, picture, sheet, v};
 use crate::builder::shapes_round::{cylinder, lathe, rod, tube};
 use crate::builder::wall::{SKIRTING_DEPTH, Wall};
@@ -76,14 +76,15 @@ fn prints() -> Vec<Print> {
 }
 
 /// The shell's objects.
-pub fn objects() -> Vec<Object> {
+pub fn objects() -> Vec<BuiltObject> {
     let mut all = vec![
-        Object::new("Floor of the hall").with(Mat::FloorTiles, sheet(v(0.0, 0.0, 0.0), v(14.0, 0.0, 0.0), v(0.0, 9.0, 0.0))),
-        Object::new("Floor of the north arm")
+        BuiltObject::new("Floor of the hall").with(Mat::FloorTiles, sheet(v(0.0, 0.0, 0.0), v(14.0, 0.0, 0.0), v(0.0, 9.0, 0.0))),
+        BuiltObject::new("Floor of the north arm")
             .with(Mat::FloorBoards, sheet(v(0.0, 9.0, 0.0), v(8.5, 0.0, 0.0), v(0.0, 6.0, 0.0)).grain_turned()),
-        Object::new("Threshold strip").with(Mat::Brass, cuboid(v(LINING, 8.97, 0.0), v(8.5, 9.03, 0.004))),
-        Object::new("Ceiling of the hall").with(Mat::Ceiling, sheet(v(0.0, 9.0, HEIGHT), v(14.0, 0.0, 0.0), v(0.0, -9.0, 0.0))),
-        Object::new("Ceiling of the north arm")
+        BuiltObject::new("Threshold strip").with(Mat::Brass, cuboid(v(LINING, 8.97, 0.0), v(8.5, 9.03, 0.004))),
+        BuiltObject::new("Ceiling of the hall")
+            .with(Mat::Ceiling, sheet(v(0.0, 9.0, HEIGHT), v(14.0, 0.0, 0.0), v(0.0, -9.0, 0.0))),
+        BuiltObject::new("Ceiling of the north arm")
             .with(Mat::Ceiling, sheet(v(0.0, 15.0, HEIGHT), v(8.5, 0.0, 0.0), v(0.0, -6.0, 0.0))),
     ];
     walls(&mut all);
@@ -98,7 +99,7 @@ pub fn objects() -> Vec<Object> {
     all
 }
 
-fn walls(all: &mut Vec<Object>) {
+fn walls(all: &mut Vec<BuiltObject>) {
     let prints = prints();
     let holes = |name: &str, extra: &[[f64; 4]]| -> Vec<[f64; 4]> {
         let own = prints.iter().filter(|p| name == wall_name(&p.wall)).map(|p| p.area);
@@ -116,7 +117,7 @@ fn walls(all: &mut Vec<Object>) {
     for p in prints {
         let [x0, y0, x1, y1] = p.area;
         let (w, h) = (x1 - x0, y1 - y0);
-        let mut object = Object::new(p.name).with(p.material, picture(DVec3::ZERO, v(w, 0.0, 0.0), v(0.0, h, 0.0)));
+        let mut object = BuiltObject::new(p.name).with(p.material, picture(DVec3::ZERO, v(w, 0.0, 0.0), v(0.0, h, 0.0)));
         if let Some(bar) = p.frame {
             object.add(bar, frame_bars(w, h, 0.025, 0.0, 0.022));
         }
@@ -124,8 +125,8 @@ fn walls(all: &mut Vec<Object>) {
     }
     // Behind the west lining: concrete, and the steel studs that light never sees.
     let behind = sheet(v(0.0, 0.0, 0.0), v(0.0, 15.0, 0.0), v(0.0, 0.0, HEIGHT));
-    all.push(Object::new("Concrete behind the west lining").with(Mat::ConcreteBacking, behind));
-    let mut studs = Object::new("Steel studs behind the west lining");
+    all.push(BuiltObject::new("Concrete behind the west lining").with(Mat::ConcreteBacking, behind));
+    let mut studs = BuiltObject::new("Steel studs behind the west lining");
     for i in 0..25 {
         let y = 0.3 + 0.6 * f64::from(i);
         if !LIFTS.iter().any(|l| l[0] - 0.05 < y && y < l[1] + 0.05) {
@@ -133,7 +134,7 @@ fn walls(all: &mut Vec<Object>) {
         }
     }
     all.push(studs);
-    let mut skirting = Object::new("Skirting");
+    let mut skirting = BuiltObject::new("Skirting");
     WEST.skirting(&mut skirting, &[[0.0, LIFTS[0][0] - 0.1], [LIFTS[0][1] + 0.1, LIFTS[1][0] - 0.1], [LIFTS[1][1] + 0.1, 15.0]]);
     SOUTH.skirting(&mut skirting, &[[2.15, ENTRANCE[0] - 0.06], [ENTRANCE[1] + 0.06, 13.92 - SKIRTING_DEPTH]]);
     NICHE.skirting(&mut skirting, &[[0.0, 5.5]]);
@@ -159,8 +160,8 @@ fn wall_name(wall: &Wall) -> &'static str {
 }
 
 /// Window panes, mullions, transom, sill. Each pane is one sheet: for radio it is one slab of the glass's thickness.
-fn glazing() -> Object {
-    let mut o = Object::new("Window wall");
+fn glazing() -> BuiltObject {
+    let mut o = BuiltObject::new("Window wall");
     let (w, h) = (WINDOW[1] - WINDOW[0], WINDOW[3] - WINDOW[2]);
     let (bays, bar) = (5, 0.06);
     o.add(Mat::DarkMetal, frame_bars(w, h, 0.07, -0.06, 0.05));
@@ -180,10 +181,10 @@ fn glazing() -> Object {
     SOUTH.hang(o, WINDOW[0], WINDOW[2])
 }
 
-fn entrance_frame() -> Object {
+fn entrance_frame() -> BuiltObject {
     let (w, h) = (ENTRANCE[1] - ENTRANCE[0], ENTRANCE[2]);
     let bar = 0.06;
-    let mut o = Object::new("Entrance frame");
+    let mut o = BuiltObject::new("Entrance frame");
     o.add(Mat::DarkMetal, cuboid(v(-bar, 0.0, -0.05), v(0.0, h + bar, 0.05)));
     o.add(Mat::DarkMetal, cuboid(v(w, 0.0, -0.05), v(w + bar, h + bar, 0.05)));
     o.add(Mat::DarkMetal, cuboid(v(0.0, h, -0.05), v(w, h + bar, 0.05)));
@@ -193,9 +194,9 @@ fn entrance_frame() -> Object {
 }
 
 /// Two glass leaves with a metal rail at the foot, a head rail and pull handles.
-fn entrance_leaves() -> Object {
+fn entrance_leaves() -> BuiltObject {
     let half = 0.5 * (ENTRANCE[1] - ENTRANCE[0]);
-    let mut o = Object::new("Glass double door");
+    let mut o = BuiltObject::new("Glass double door");
     for side in [0.0, 1.0] {
         let (x0, x1) = (side * half + 0.006, (side + 1.0) * half - 0.006);
         o.add(Mat::Brushed, cuboid(v(x0, 0.01, -0.022), v(x1, 0.12, 0.022)));
@@ -208,13 +209,13 @@ fn entrance_leaves() -> Object {
     SOUTH.hang(o, ENTRANCE[0], 0.0)
 }
 
-fn doors(all: &mut Vec<Object>) {
+fn doors(all: &mut Vec<BuiltObject>) {
     all.push(NORTH.hang(door("Door north", NORTH_DOOR[1] - NORTH_DOOR[0], NORTH_DOOR[2]), NORTH_DOOR[0], 0.0));
     let landing = door("Door east", EAST_DOOR[1] - EAST_DOOR[0], EAST_DOOR[3] - EAST_DOOR[2]);
     all.push(EAST.hang(landing, EAST_DOOR[0], EAST_DOOR[2]));
     for (i, lift) in LIFTS.into_iter().enumerate() {
         let (w, h) = (lift[1] - lift[0], LIFT_HEIGHT);
-        let mut o = Object::new(format!("Lift door {}", i + 1));
+        let mut o = BuiltObject::new(format!("Lift door {}", i + 1));
         let half = 0.5 * w;
         o.add(Mat::Brushed, cuboid(v(0.0, 0.0, -0.06), v(half - 0.003, h, -0.03)).grain_turned());
         o.add(Mat::Brushed, cuboid(v(half + 0.003, 0.0, -0.06), v(w, h, -0.03)).grain_turned());
@@ -227,7 +228,7 @@ fn doors(all: &mut Vec<Object>) {
 }
 
 /// Round pillars: two in fair-faced concrete, two clad in green marble, with a steel foot ring.
-fn pillars(all: &mut Vec<Object>) {
+fn pillars(all: &mut Vec<BuiltObject>) {
     let places = [
         ("Concrete pillar west", Mat::Concrete, 3.15, 8.3),
         ("Concrete pillar east", Mat::Concrete, 8.55, 5.1),
@@ -242,14 +243,14 @@ fn pillars(all: &mut Vec<Object>) {
             40,
         );
         let head = lathe(&[[radius + 0.004, HEIGHT - 0.06], [radius + 0.05, HEIGHT - 0.03], [radius + 0.05, HEIGHT - 0.001]], 40);
-        let o = Object::new(name).with(material, shaft).with(Mat::Brushed, foot).with(Mat::WhiteMetal, head);
-        all.push(o.placed(&Frame::at(x, y, 0.0)));
+        let o = BuiltObject::new(name).with(material, shaft).with(Mat::Brushed, foot).with(Mat::WhiteMetal, head);
+        all.push(o.placed(&LocalFrame::at(x, y, 0.0)));
     }
 }
 
 /// Two steps and a landing before the east door.
-fn steps() -> Object {
-    Object::new("Steps and landing")
+fn steps() -> BuiltObject {
+    BuiltObject::new("Steps and landing")
         .with(Mat::ConcretePot, cuboid(v(11.9, 0.0, 0.0), v(12.2, 1.7, 0.15)))
         .with(Mat::ConcretePot, cuboid(v(12.2, 0.0, 0.0), v(12.5, 1.7, 0.3)))
         .with(Mat::ConcretePot, cuboid(v(12.5, 0.0, 0.0), v(14.0, 1.7, 0.45)))
@@ -258,8 +259,8 @@ fn steps() -> Object {
 }
 
 /// Handrail with balusters along the landing and down the steps.
-fn railing() -> Object {
-    let mut o = Object::new("Railing");
+fn railing() -> BuiltObject {
+    let mut o = BuiltObject::new("Railing");
     let y = 1.62;
     let floor = |x: f64| {
         if x < 12.2 {
@@ -282,6 +283,6 @@ fn railing() -> Object {
 }
 
 /// The street picture, a few metres beyond the glass: the daylight.
-fn street() -> Object {
-    Object::new("Outdoor street").with(Mat::Street, picture(v(19.0, -3.5, -1.2), v(-24.0, 0.0, 0.0), v(0.0, 0.0, 8.0)))
+fn street() -> BuiltObject {
+    BuiltObject::new("Outdoor street").with(Mat::Street, picture(v(19.0, -3.5, -1.2), v(-24.0, 0.0, 0.0), v(0.0, 0.0, 8.0)))
 }

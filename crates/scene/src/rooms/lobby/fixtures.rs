@@ -5,7 +5,7 @@ use crate::builder::fittings::{
     air_vent, clock, exit_sign, lamp_face, light_panel, notice_board, painting, radiator, screen, smoke_detector, switch_plate,
 };
 use crate::builder::materials::Mat;
-use crate::builder::mesh_builder::{Frame, Object};
+use crate::builder::mesh_builder::{BuiltObject, LocalFrame};
 use crate::builder::shapes::{block, cuboid, picture, rounded_box, v};
 use crate::builder::shapes_round::{cylinder, disc, lathe, rod, sphere};
 use crate::draw::text_layout;
@@ -53,7 +53,7 @@ const LINEAR: [[f64; 2]; 6] = [[3.6, 4.4], [9.2, 3.6], [12.2, 4.9], [9.9, 6.9], 
 const LINEAR_HEIGHT: f64 = 2.86;
 
 /// Lights, ceiling fittings, wall fittings.
-pub fn objects() -> Vec<Object> {
+pub fn objects() -> Vec<BuiltObject> {
     let mut all = Vec::new();
     lights(&mut all);
     ceiling_fittings(&mut all);
@@ -63,7 +63,7 @@ pub fn objects() -> Vec<Object> {
     all
 }
 
-fn lights(all: &mut Vec<Object>) {
+fn lights(all: &mut Vec<BuiltObject>) {
     for (i, [x, y]) in PANELS.into_iter().enumerate() {
         all.push(light_panel(&format!("Light panel {}", i + 1), x, y, [1.2, 0.6], HEIGHT));
     }
@@ -76,12 +76,12 @@ fn lights(all: &mut Vec<Object>) {
             [0.075, HEIGHT - 0.001],
             [0.075, HEIGHT - 0.012],
         ];
-        let o = Object::new(format!("Downlight {}", i + 1)).with(Mat::WhiteMetal, lathe(&ring, 16).shifted(x, y, 0.0));
+        let o = BuiltObject::new(format!("Downlight {}", i + 1)).with(Mat::WhiteMetal, lathe(&ring, 16).shifted(x, y, 0.0));
         all.push(o.with(Mat::Downlight, lamp_face(x, y, HEIGHT - 0.006, 0.075, 8)));
     }
     for (i, [x, y]) in LINEAR.into_iter().enumerate() {
         let (l, w, z, h) = (1.2, 0.055, LINEAR_HEIGHT, 0.07);
-        let mut o = Object::new(format!("Suspended light {}", i + 1));
+        let mut o = BuiltObject::new(format!("Suspended light {}", i + 1));
         o.add(Mat::DarkMetal, cuboid(v(x - l, y - w, z), v(x + l, y + w, z + h)));
         o.add(
             Mat::UpLight,
@@ -99,7 +99,7 @@ fn lights(all: &mut Vec<Object>) {
     for (i, [x, y, z]) in PENDANTS.into_iter().enumerate() {
         let shade = [[0.15, 0.0], [0.154, 0.002], [0.142, 0.06], [0.1, 0.13], [0.04, 0.175], [0.02, 0.2], [0.0, 0.2]];
         let inner = [[0.0, 0.17], [0.038, 0.168], [0.096, 0.125], [0.138, 0.058], [0.15, 0.0]];
-        let mut o = Object::new(format!("Pendant lamp {}", i + 1));
+        let mut o = BuiltObject::new(format!("Pendant lamp {}", i + 1));
         o.add(Mat::DarkMetal, lathe(&shade, 28).shifted(x, y, z));
         // The inside is the same profile run the other way: its normals point to the axis.
         o.add(Mat::Brass, lathe(&inner, 28).shifted(x, y, z));
@@ -110,24 +110,24 @@ fn lights(all: &mut Vec<Object>) {
     }
 }
 
-fn ceiling_fittings(all: &mut Vec<Object>) {
+fn ceiling_fittings(all: &mut Vec<BuiltObject>) {
     for (i, [x, y]) in [[3.0, 4.2], [9.0, 4.2], [12.6, 7.2], [3.6, 12.6]].into_iter().enumerate() {
         all.push(air_vent(&format!("Air vent {}", i + 1), x, y, HEIGHT));
     }
-    let mut detectors = Object::new("Smoke detectors");
+    let mut detectors = BuiltObject::new("Smoke detectors");
     for [x, y] in [[6.3, 4.5], [12.3, 5.1], [3.3, 11.1]] {
         detectors.add(Mat::WhitePlastic, smoke_detector(x, y, HEIGHT));
     }
     all.push(detectors);
-    let mut camera = Object::new("Ceiling camera");
+    let mut camera = BuiltObject::new("Ceiling camera");
     camera.add(Mat::WhitePlastic, cylinder(0.07, HEIGHT - 0.05, HEIGHT - 0.001, 24).shifted(7.2, 8.4, 0.0));
     camera.add(Mat::BlackPlastic, sphere(v(7.2, 8.4, HEIGHT - 0.055), 0.055, 24));
     all.push(camera);
 }
 
 /// Oak slats on felt by the west lining; walnut panels on the east wall with the brass name.
-fn cladding() -> Vec<Object> {
-    let mut slats = Object::new("Oak slat wall");
+fn cladding() -> Vec<BuiltObject> {
+    let mut slats = BuiltObject::new("Oak slat wall");
     let (x0, x1) = (5.4, 8.9);
     slats.add(Mat::Felt, cuboid(v(x0, 0.1, 0.0), v(x1, 3.4, 0.012)));
     let count = 54;
@@ -136,7 +136,7 @@ fn cladding() -> Vec<Object> {
         let slat = cuboid(v(x, 0.1, 0.012), v(x + 0.042, 3.4, 0.045)).grain_turned();
         slats.add(Mat::Oak, slat.grain_shifted(0.37 * f64::from(i), 0.29 * f64::from(i % 11)));
     }
-    let mut panels = Object::new("Walnut panel wall");
+    let mut panels = BuiltObject::new("Walnut panel wall");
     panels.add(Mat::Felt, cuboid(v(0.05, 0.05, 0.0), v(6.55, 3.42, 0.01)));
     for i in 0..6 {
         for (k, (low, high)) in [(0.06, 1.13), (1.14, 2.26), (2.27, 3.41)].into_iter().enumerate() {
@@ -149,8 +149,8 @@ fn cladding() -> Vec<Object> {
 }
 
 /// Raised letters: every stroke of the stroke alphabet as a flat brass bar with rounded joints.
-fn letters(text: &str) -> Object {
-    let mut o = Object::new("Brass name");
+fn letters(text: &str) -> BuiltObject {
+    let mut o = BuiltObject::new("Brass name");
     let (strokes, _) = text_layout(text);
     let (cap, pen, z0, z1) = (0.42, 0.032, 0.045, 0.065);
     // Bars and joints run into one another: each is a hair thicker than the one before, so that no two end in one plane.
@@ -165,7 +165,7 @@ fn letters(text: &str) -> Object {
         for pair in points.windows(2) {
             let (d, (low, high)) = (pair[1] - pair[0], thickness());
             let bar = cuboid(v(0.0, -pen, low), v(d.length(), pen, high));
-            o.add(Mat::Brass, bar.placed(&Frame::along(d, pair[0])));
+            o.add(Mat::Brass, bar.placed(&LocalFrame::along(d, pair[0])));
         }
         for p in points {
             // Strokes that end where others do share the joint.
@@ -183,7 +183,7 @@ fn letters(text: &str) -> Object {
     o
 }
 
-fn screens_and_signs(all: &mut Vec<Object>) {
+fn screens_and_signs(all: &mut Vec<BuiltObject>) {
     all.push(WEST.hang(screen("Screen welcome", Mat::ScreenWelcome, 1.6, 0.9, 0.07), 7.15, 1.75));
     all.push(INNER.hang(screen("Screen schedule", Mat::ScreenSchedule, 1.28, 0.72, 0.05), 3.0, 1.85));
     for (i, (x, w)) in [(0.35, 1.6), (4.05, 1.6)].into_iter().enumerate() {
@@ -193,18 +193,18 @@ fn screens_and_signs(all: &mut Vec<Object>) {
     all.push(NORTH.hang(clock(), 5.1, 2.55));
     all.push(NORTH.hang(exit_sign("Exit sign"), 0.5 * (NORTH_DOOR[0] + NORTH_DOOR[1]), NORTH_DOOR[2] + 0.3));
     for (i, lift) in LIFTS.into_iter().enumerate() {
-        let mut o = Object::new(format!("Lift indicator {}", i + 1));
+        let mut o = BuiltObject::new(format!("Lift indicator {}", i + 1));
         o.add(Mat::BlackPlastic, cuboid(v(-0.16, -0.08, 0.0), v(0.16, 0.08, 0.02)));
         o.add(Mat::LiftSign, picture(v(-0.15, -0.075, 0.0205), v(0.3, 0.0, 0.0), v(0.0, 0.15, 0.0)));
         all.push(WEST.hang(o, 0.5 * (lift[0] + lift[1]), LIFT_HEIGHT + 0.25));
     }
-    let mut call = Object::new("Lift call panel");
+    let mut call = BuiltObject::new("Lift call panel");
     call.add(Mat::Brushed, rounded_box(v(-0.06, -0.16, 0.0), v(0.06, 0.16, 0.012), 0.004, 2, 1));
     for y in [-0.06, 0.06] {
         call.add(Mat::Chrome, disc(0.026, 0.012, 0.02, 24).shifted(0.0, y, 0.0));
     }
     all.push(WEST.hang(call, 11.5, 1.1));
-    let mut switches = Object::new("Switches and sockets");
+    let mut switches = BuiltObject::new("Switches and sockets");
     for (wall, x, y) in
         [(NORTH, 5.4, 1.1), (EAST, 7.2, 1.15), (NICHE, 0.3, 0.3), (NICHE, 4.7, 0.3), (INNER, 2.1, 0.3), (WEST, 5.15, 0.3)]
     {
@@ -214,12 +214,12 @@ fn screens_and_signs(all: &mut Vec<Object>) {
 }
 
 /// Flat panel radiators under the window's ends and in the north arm.
-fn radiators(all: &mut Vec<Object>) {
+fn radiators(all: &mut Vec<BuiltObject>) {
     let places = [(INNER, 2.1, 1.8), (NORTH, 0.35, 1.0)];
     for (i, (wall, x, length)) in places.into_iter().enumerate() {
         all.push(wall.hang(radiator(&format!("Radiator {}", i + 1), length), x, 0.0));
     }
-    let mut convector = Object::new("Floor convector");
+    let mut convector = BuiltObject::new("Floor convector");
     let (x0, x1) = (0.7, 8.3);
     convector.add(Mat::Brushed, block(0.5 * (x0 + x1), 0.3, 0.0, [x1 - x0, 0.2, 0.006]));
     for k in 0..110 {

@@ -11,11 +11,11 @@ mod layout;
 
 use crate::Result;
 use crate::builder::glb;
-use crate::builder::mesh_builder::Object;
+use crate::builder::mesh_builder::BuiltObject;
 use std::path::Path;
 
 /// Every object of the lobby, in the order of the file.
-fn objects() -> Vec<Object> {
+fn objects() -> Vec<BuiltObject> {
     let mut all = architecture::objects();
     all.extend(fixtures::objects());
     all.extend(layout::objects());

@@ -6,7 +6,7 @@ use super::plan::{
     Partitions,
 };
 use crate::builder::materials::Mat;
-use crate::builder::mesh_builder::{Frame, Mesh, Object};
+use crate::builder::mesh_builder::{BuiltObject, LocalFrame, Mesh};
 use crate::builder::partition::{Partition, Side, THICKNESS};
 use crate::builder::shapes::{cuboid, frame_bars, sheet, v};
 use crate::builder::shapes_round::{rod, tube};
@@ -30,10 +30,10 @@ fn lining(width: f64, height: f64) -> Mesh {
 }
 
 /// Framed panes side by side that fill an opening: bars about the middle of the depth, a single sheet a pane.
-pub fn glazing(width: f64, height: f64, bays: u32, bar: Mat, glass: Mat) -> Object {
+pub fn glazing(width: f64, height: f64, bays: u32, bar: Mat, glass: Mat) -> BuiltObject {
     let (z0, z1) = (MIDDLE - 0.03, MIDDLE + 0.03);
     let (w, h) = (width - 2.0 * BAR, height - 2.0 * BAR);
-    let mut o = Object::new("").with(bar, frame_bars(w, h, BAR, z0, z1).shifted(BAR, BAR, 0.0));
+    let mut o = BuiltObject::new("").with(bar, frame_bars(w, h, BAR, z0, z1).shifted(BAR, BAR, 0.0));
     let pane = (w - BAR * f64::from(bays - 1)) / f64::from(bays);
     for i in 0..bays {
         let x = BAR + (pane + BAR) * f64::from(i);
@@ -70,9 +70,9 @@ struct Swing {
 
 impl Swing {
     /// The frame of a leaf that is made from its hinge along x, about z = 0.
-    fn frame(&self) -> Frame {
+    fn frame(&self) -> LocalFrame {
         let (degrees, x) = if self.right { (180.0 - self.open_deg, LINING + self.size[0]) } else { (self.open_deg, LINING) };
-        Frame::swing(degrees, x, MIDDLE)
+        LocalFrame::swing(degrees, x, MIDDLE)
     }
 
     /// Width of the leaf with its gaps.
@@ -81,9 +81,9 @@ impl Swing {
     }
 
     /// A leaf of wood with a lever and a kick plate on both faces.
-    fn wooden(&self) -> Object {
+    fn wooden(&self) -> BuiltObject {
         let (w, h, t) = (self.width(), self.size[1] - 0.004, 0.02);
-        let mut o = Object::new("").with(Mat::DoorWood, cuboid(v(0.004, 0.008, -t), v(w, h, t)).grain_turned());
+        let mut o = BuiltObject::new("").with(Mat::DoorWood, cuboid(v(0.004, 0.008, -t), v(w, h, t)).grain_turned());
         for side in [-1.0, 1.0] {
             let (low, high) = if side > 0.0 { (t, t + 0.003) } else { (-t - 0.003, -t) };
             o.add(Mat::Brushed, cuboid(v(0.02, 0.03, low), v(w - 0.02, 0.23, high)));
@@ -97,9 +97,9 @@ impl Swing {
     }
 
     /// A leaf of glass between a foot rail and a head rail, with an upright pull on both faces.
-    fn glazed(&self) -> Object {
+    fn glazed(&self) -> BuiltObject {
         let (w, h) = (self.width(), self.size[1] - 0.004);
-        let mut o = Object::new("");
+        let mut o = BuiltObject::new("");
         o.add(Mat::Brushed, cuboid(v(0.004, 0.01, -0.02), v(w, 0.11, 0.02)));
         o.add(Mat::Brushed, cuboid(v(0.004, h - 0.06, -0.02), v(w, h, 0.02)));
         o.add(Mat::DoorGlass, sheet(v(0.004, 0.11, 0.0), v(w - 0.004, 0.0, 0.0), v(0.0, h - 0.17, 0.0)));
@@ -124,9 +124,9 @@ fn clear(opening: [f64; 4]) -> [f64; 2] {
 }
 
 /// Everything that stands in the partitions' openings.
-pub fn place(all: &mut Vec<Object>, walls: &Partitions) {
-    let mut put = |name: &str, object: Object, wall: &Partition, along: f64| {
-        all.push(Object { name: name.to_owned(), ..wall.hang(object, Side::Front, along, 0.0) });
+pub fn place(all: &mut Vec<BuiltObject>, walls: &Partitions) {
+    let mut put = |name: &str, object: BuiltObject, wall: &Partition, along: f64| {
+        all.push(BuiltObject { name: name.to_owned(), ..wall.hang(object, Side::Front, along, 0.0) });
     };
     for (name, wall, opening) in [
         ("Lining of the open office's door", &walls.office, OFFICE_DOOR),
@@ -137,7 +137,7 @@ pub fn place(all: &mut Vec<Object>, walls: &Partitions) {
         ("Lining of the glazed office's door", &walls.east, GLAZED_DOOR),
     ] {
         let [w, h] = size(opening);
-        put(name, Object::new("").with(Mat::GreyMetal, lining(w, h)), wall, opening[0]);
+        put(name, BuiltObject::new("").with(Mat::GreyMetal, lining(w, h)), wall, opening[0]);
     }
     for (name, wall, opening, bays) in [
         ("Pane of the open office", &walls.office, OFFICE_PANE, 3),
@@ -154,7 +154,7 @@ pub fn place(all: &mut Vec<Object>, walls: &Partitions) {
     let door = [MEETING[0] + fixed, 0.0, MEETING[2], h];
     put(
         "Lining of the meeting room's door",
-        Object::new("").with(Mat::DarkMetal, lining(MEETING_DOOR, h)),
+        BuiltObject::new("").with(Mat::DarkMetal, lining(MEETING_DOOR, h)),
         &walls.north,
         door[0],
     );

@@ -6,7 +6,7 @@ use crate::builder::fittings::{
     air_vent, clock, exit_sign, light_panel, notice_board, painting, radiator, screen, smoke_detector, switch_plate,
 };
 use crate::builder::materials::Mat;
-use crate::builder::mesh_builder::Object;
+use crate::builder::mesh_builder::BuiltObject;
 use crate::builder::partition::Side;
 use crate::builder::shapes::{printed_box, v};
 
@@ -40,7 +40,7 @@ const CORRIDOR_PANELS: [[f64; 2]; 8] =
     [[1.2, 6.0], [3.6, 6.0], [6.0, 6.0], [8.4, 6.0], [10.8, 6.0], [11.4, 4.2], [11.4, 2.4], [11.4, 0.6]];
 
 /// Lights, vents, and all that hangs on walls.
-pub fn place(all: &mut Vec<Object>, walls: &Partitions) {
+pub fn place(all: &mut Vec<BuiltObject>, walls: &Partitions) {
     ceiling(all);
     signs(all, walls);
     boards(all, walls);
@@ -50,7 +50,7 @@ pub fn place(all: &mut Vec<Object>, walls: &Partitions) {
     for (i, (x, length)) in [(4.6, 2.0), (9.6, 2.0), (14.5, 2.0)].into_iter().enumerate() {
         all.push(NORTH.hang(radiator(&format!("Radiator north {}", i + 1), length), x, 0.0));
     }
-    let mut switches = Object::new("Switches and sockets");
+    let mut switches = BuiltObject::new("Switches and sockets");
     for (wall, side, along, up) in [
         (&walls.office, Side::Front, 2.3, 1.1),
         (&walls.office, Side::Back, 0.8, 1.1),
@@ -68,7 +68,7 @@ pub fn place(all: &mut Vec<Object>, walls: &Partitions) {
     all.push(switches);
 }
 
-fn ceiling(all: &mut Vec<Object>) {
+fn ceiling(all: &mut Vec<BuiltObject>) {
     let rooms = PANELS.map(|at| (at, [1.2, 0.6]));
     let corridor = CORRIDOR_PANELS.map(|at| (at, [0.6, 0.6]));
     for (i, ([x, y], size)) in rooms.into_iter().chain(corridor).enumerate() {
@@ -79,7 +79,7 @@ fn ceiling(all: &mut Vec<Object>) {
     {
         all.push(air_vent(&format!("Air vent {}", i + 1), x, y, HEIGHT));
     }
-    let mut detectors = Object::new("Smoke detectors");
+    let mut detectors = BuiltObject::new("Smoke detectors");
     for [x, y] in [[2.7, 3.3], [8.7, 3.3], [5.1, 6.3], [9.9, 6.3], [11.7, 3.3], [5.7, 9.3], [16.5, 7.5]] {
         detectors.add(Mat::WhitePlastic, smoke_detector(x, y, HEIGHT));
     }
@@ -88,7 +88,7 @@ fn ceiling(all: &mut Vec<Object>) {
     all.push(cable_tray(3.9).copy("Cable tray of the print nook", 90.0, 2.7, 7.8, HEIGHT));
 }
 
-fn signs(all: &mut Vec<Object>, walls: &Partitions) {
+fn signs(all: &mut Vec<BuiltObject>, walls: &Partitions) {
     for (name, face, wall, side, along) in [
         ("Door sign of the print nook", Mat::SignPrint, &walls.north, Side::Front, 3.0),
         ("Door sign of the meeting room", Mat::SignMeeting, &walls.north, Side::Front, 8.02),
@@ -96,7 +96,7 @@ fn signs(all: &mut Vec<Object>, walls: &Partitions) {
         ("Door sign of the kitchen", Mat::SignKitchen, &walls.east, Side::Back, 5.05),
     ] {
         let plate = printed_box(v(-0.09, -0.09, 0.0), v(0.09, 0.09, 0.008));
-        all.push(wall.hang(Object::new(name).with(face, plate), side, along, 1.6));
+        all.push(wall.hang(BuiltObject::new(name).with(face, plate), side, along, 1.6));
     }
     // Over the glazed door at the southern leg's end, and at the corridor's western end.
     all.push(SOUTH.hang(exit_sign("Exit sign south"), SOUTH.length - 12.0, 2.5));
@@ -104,7 +104,7 @@ fn signs(all: &mut Vec<Object>, walls: &Partitions) {
     all.push(walls.kitchen.hang(clock(), Side::Back, 16.5, 2.2));
 }
 
-fn boards(all: &mut Vec<Object>, walls: &Partitions) {
+fn boards(all: &mut Vec<BuiltObject>, walls: &Partitions) {
     all.push(walls.office.hang(whiteboard("Whiteboard of the open office", 1.5), Side::Front, 9.3, 0.95));
     all.push(walls.nook.hang(whiteboard("Whiteboard of the meeting room", 1.9), Side::Front, 8.6, 0.9));
     all.push(walls.leg.hang(notice_board("Notice board of the open office", 1.2, 0.8), Side::Back, 4.6, 1.2));

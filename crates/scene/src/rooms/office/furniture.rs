@@ -3,12 +3,12 @@
 use crate::builder::decor::monitor;
 use crate::builder::furniture::office_chair;
 use crate::builder::materials::Mat;
-use crate::builder::mesh_builder::Object;
+use crate::builder::mesh_builder::BuiltObject;
 use crate::builder::shapes::{block, cuboid, frame_bars, printed_box, rounded_box, v};
 use crate::builder::shapes_round::{cylinder, lathe, rod, tube};
 
 /// A mug, its foot at the origin.
-fn mug(o: &mut Object, material: Mat, x: f64, y: f64, z: f64) {
+fn mug(o: &mut BuiltObject, material: Mat, x: f64, y: f64, z: f64) {
     let wall = [[0.0, 0.0], [0.036, 0.0], [0.04, 0.004], [0.04, 0.095], [0.036, 0.095], [0.036, 0.008], [0.0, 0.008]];
     o.add(material, lathe(&wall, 16).shifted(x, y, z));
     let handle = [v(0.038, 0.0, 0.075), v(0.065, 0.0, 0.07), v(0.065, 0.0, 0.03), v(0.038, 0.0, 0.025)];
@@ -16,8 +16,8 @@ fn mug(o: &mut Object, material: Mat, x: f64, y: f64, z: f64) {
 }
 
 /// A desk of 1.6 × 0.8 m with a monitor or two, a pedestal and what lies on it; `variant` tells neighbours apart.
-pub fn desk(variant: usize) -> Object {
-    let mut o = Object::new("");
+pub fn desk(variant: usize) -> BuiltObject {
+    let mut o = BuiltObject::new("");
     let top = [Mat::Shelf, Mat::Laminate][variant / 4 % 2];
     o.add(top, rounded_box(v(-0.795, -0.395, 0.713), v(0.795, 0.395, 0.74), 0.004, 1, 1));
     for x in [-0.72, 0.72] {
@@ -55,7 +55,7 @@ pub fn desk(variant: usize) -> Object {
 
 /// Four desks back to back with a screen of cloth between them and a chair each, along x. Desks come in two halves so that every piece of
 /// furniture keeps its own name.
-pub fn cluster(name: &str, first: usize, cloth: Mat, yaw: f64, x: f64, y: f64) -> Vec<Object> {
+pub fn cluster(name: &str, first: usize, cloth: Mat, yaw: f64, x: f64, y: f64) -> Vec<BuiltObject> {
     let mut all = Vec::new();
     for k in 0..4 {
         let (column, turned) = (if k % 2 == 0 { -0.8 } else { 0.8 }, k >= 2);
@@ -67,7 +67,7 @@ pub fn cluster(name: &str, first: usize, cloth: Mat, yaw: f64, x: f64, y: f64) -
         all.push(office_chair(cover).copy(format!("{name}, chair {}", k + 1), turn + lean, column, side * (1.12 + away), 0.0));
     }
     let panel = rounded_box(v(-1.58, -0.016, 0.62), v(1.58, 0.016, 1.12), 0.008, 1, 1);
-    let mut divider = Object::new(format!("{name}, divider")).with(cloth, panel);
+    let mut divider = BuiltObject::new(format!("{name}, divider")).with(cloth, panel);
     for x in [-1.2, 0.0, 1.2] {
         divider.add(Mat::DarkMetal, cylinder(0.014, 0.0, 0.62, 12).shifted(x, 0.0, 0.0));
     }
@@ -76,8 +76,9 @@ pub fn cluster(name: &str, first: usize, cloth: Mat, yaw: f64, x: f64, y: f64) -
 }
 
 /// A meeting table of 2.6 × 1.1 m on two plinths, with a conference telephone and papers. Long side along x.
-pub fn meeting_table() -> Object {
-    let mut o = Object::new("Meeting table").with(Mat::Walnut, rounded_box(v(-1.3, -0.55, 0.71), v(1.3, 0.55, 0.74), 0.01, 2, 1));
+pub fn meeting_table() -> BuiltObject {
+    let mut o =
+        BuiltObject::new("Meeting table").with(Mat::Walnut, rounded_box(v(-1.3, -0.55, 0.71), v(1.3, 0.55, 0.74), 0.01, 2, 1));
     for x in [-0.75, 0.75] {
         o.add(Mat::DarkMetal, block(x, 0.0, 0.0, [0.5, 0.6, 0.02]));
         o.add(Mat::DarkMetal, block(x, 0.0, 0.02, [0.14, 0.3, 0.69]));
@@ -93,8 +94,8 @@ pub fn meeting_table() -> Object {
 }
 
 /// A whiteboard 1 m high in an aluminium frame with a tray of pens, lower left corner at the origin. For a wall.
-pub fn whiteboard(name: &str, width: f64) -> Object {
-    let mut o = Object::new(name).with(Mat::Whiteboard, printed_box(v(0.0, 0.0, 0.006), v(width, 1.0, 0.018)));
+pub fn whiteboard(name: &str, width: f64) -> BuiltObject {
+    let mut o = BuiltObject::new(name).with(Mat::Whiteboard, printed_box(v(0.0, 0.0, 0.006), v(width, 1.0, 0.018)));
     o.add(Mat::Brushed, frame_bars(width, 1.0, 0.02, 0.0, 0.026));
     o.add(Mat::Brushed, cuboid(v(0.3, -0.035, 0.026), v(width - 0.3, -0.02, 0.09)));
     for (k, pen) in [Mat::BluePlastic, Mat::RedMetal, Mat::GreenPlastic].into_iter().enumerate() {
@@ -105,9 +106,9 @@ pub fn whiteboard(name: &str, width: f64) -> Object {
 }
 
 /// A copier on a paper cabinet, 0.62 × 0.66 × 1.15 m, its front towards −y.
-pub fn copier() -> Object {
+pub fn copier() -> BuiltObject {
     let mut o =
-        Object::new("Copier").with(Mat::WhitePlastic, rounded_box(v(-0.31, -0.33, 0.04), v(0.31, 0.33, 0.86), 0.015, 2, 1));
+        BuiltObject::new("Copier").with(Mat::WhitePlastic, rounded_box(v(-0.31, -0.33, 0.04), v(0.31, 0.33, 0.86), 0.015, 2, 1));
     o.add(Mat::DarkMetal, block(0.0, 0.0, 0.0, [0.54, 0.56, 0.04]));
     o.add(Mat::BlackPlastic, rounded_box(v(-0.31, -0.3, 0.94), v(0.31, 0.32, 1.02), 0.012, 2, 1));
     o.add(Mat::WhitePlastic, cuboid(v(-0.31, -0.28, 0.86), v(-0.2, 0.3, 0.94)));
@@ -122,8 +123,8 @@ pub fn copier() -> Object {
 }
 
 /// A steel cabinet with a pair of doors, 1 × 0.45 × 1.95 m, its front towards −y, its back at y = 0.
-pub fn cupboard(body: Mat) -> Object {
-    let mut o = Object::new("").with(body, cuboid(v(-0.5, -0.45, 0.02), v(0.5, -0.002, 1.95)));
+pub fn cupboard(body: Mat) -> BuiltObject {
+    let mut o = BuiltObject::new("").with(body, cuboid(v(-0.5, -0.45, 0.02), v(0.5, -0.002, 1.95)));
     o.add(Mat::DarkMetal, cuboid(v(-0.48, -0.43, 0.0), v(0.48, -0.02, 0.02)));
     o.add(Mat::DarkMetal, cuboid(v(-0.002, -0.453, 0.03), v(0.002, -0.45, 1.94)));
     for x in [-0.05, 0.05] {
@@ -136,8 +137,8 @@ pub fn cupboard(body: Mat) -> Object {
 }
 
 /// A stack of paper boxes, 0.45 × 0.32 m.
-pub fn paper_boxes() -> Object {
-    let mut o = Object::new("Paper boxes");
+pub fn paper_boxes() -> BuiltObject {
+    let mut o = BuiltObject::new("Paper boxes");
     for (k, turn) in [4.0, -7.0, 2.0].into_iter().enumerate() {
         let z = 0.241 * k as f64;
         o.add(Mat::Laminate, block(0.0, 0.0, z, [0.45, 0.32, 0.15]).turned(turn, 0.0, 0.0, 0.0));
@@ -147,9 +148,9 @@ pub fn paper_boxes() -> Object {
 }
 
 /// A cable tray along x below the ceiling at z = 0: two side rails, rungs, cables and hangers.
-pub fn cable_tray(length: f64) -> Object {
+pub fn cable_tray(length: f64) -> BuiltObject {
     let (z, half) = (-0.22, 0.1);
-    let mut o = Object::new("");
+    let mut o = BuiltObject::new("");
     for y in [-half, half] {
         o.add(Mat::Stud, cuboid(v(0.0, y - 0.003, z), v(length, y + 0.003, z + 0.06)));
     }

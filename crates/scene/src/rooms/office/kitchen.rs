@@ -1,7 +1,7 @@
 //! The kitchen: a counter with cupboards above it, a refrigerator, machines. Along x, backs at y = 0, fronts towards −y.
 
 use crate::builder::materials::Mat;
-use crate::builder::mesh_builder::Object;
+use crate::builder::mesh_builder::BuiltObject;
 use crate::builder::shapes::{cuboid, rounded_box, v};
 use crate::builder::shapes_round::{lathe, rod, tube};
 
@@ -9,7 +9,7 @@ use crate::builder::shapes_round::{lathe, rod, tube};
 const UNIT: f64 = 0.6;
 
 /// A bar handle along x on a front at `y`.
-fn handle(o: &mut Object, x: f64, y: f64, z: f64) {
+fn handle(o: &mut BuiltObject, x: f64, y: f64, z: f64) {
     o.add(Mat::Brushed, rod(v(x - 0.09, y - 0.025, z), v(x + 0.09, y - 0.025, z), 0.006, 8));
     for end in [-0.07, 0.07] {
         o.add(Mat::Brushed, rod(v(x + end, y - 0.025, z), v(x + end, y, z), 0.004, 6));
@@ -17,9 +17,9 @@ fn handle(o: &mut Object, x: f64, y: f64, z: f64) {
 }
 
 /// The counter of `units` cupboards from x = 0, with a sink, tiles above it and wall cupboards over those.
-pub fn counter(units: u32) -> Object {
+pub fn counter(units: u32) -> BuiltObject {
     let length = UNIT * f64::from(units);
-    let mut o = Object::new("Kitchen counter");
+    let mut o = BuiltObject::new("Kitchen counter");
     o.add(Mat::DarkMetal, cuboid(v(0.02, -0.54, 0.0), v(length - 0.02, -0.02, 0.1)));
     o.add(Mat::Laminate, cuboid(v(0.0, -0.58, 0.1), v(length, -0.002, 0.86)));
     o.add(Mat::Oak, rounded_box(v(-0.01, -0.62, 0.86), v(length + 0.01, -0.002, 0.9), 0.006, 1, 1));
@@ -53,7 +53,7 @@ pub fn counter(units: u32) -> Object {
 }
 
 /// A coffee machine, a microwave oven, cups and a bowl on the worktop.
-fn machines(o: &mut Object, length: f64) {
+fn machines(o: &mut BuiltObject, length: f64) {
     let (x, z) = (0.4, 0.9);
     o.add(Mat::BlackPlastic, rounded_box(v(x - 0.15, -0.28, z), v(x + 0.15, -0.06, z + 0.4), 0.015, 2, 1));
     o.add(Mat::BlackPlastic, cuboid(v(x - 0.15, -0.46, z), v(x + 0.15, -0.28, z + 0.06)));
@@ -74,8 +74,8 @@ fn machines(o: &mut Object, length: f64) {
 }
 
 /// A refrigerator, 0.6 × 0.64 × 1.85 m, from x = 0.
-pub fn refrigerator() -> Object {
-    let mut o = Object::new("Refrigerator").with(Mat::GreyMetal, cuboid(v(0.0, -0.58, 0.02), v(0.6, -0.01, 1.85)));
+pub fn refrigerator() -> BuiltObject {
+    let mut o = BuiltObject::new("Refrigerator").with(Mat::GreyMetal, cuboid(v(0.0, -0.58, 0.02), v(0.6, -0.01, 1.85)));
     o.add(Mat::DarkMetal, cuboid(v(0.03, -0.55, 0.0), v(0.57, -0.04, 0.02)));
     for (z0, z1) in [(0.03, 0.68), (0.69, 1.845)] {
         o.add(Mat::Brushed, rounded_box(v(0.002, -0.64, z0), v(0.598, -0.58, z1), 0.01, 2, 1).grain_turned());

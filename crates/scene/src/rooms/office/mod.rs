@@ -16,11 +16,11 @@ mod shell;
 
 use crate::Result;
 use crate::builder::glb;
-use crate::builder::mesh_builder::Object;
+use crate::builder::mesh_builder::BuiltObject;
 use std::path::Path;
 
 /// Every object of the office, in the order of the file.
-fn objects() -> Vec<Object> {
+fn objects() -> Vec<BuiltObject> {
     let walls = plan::Partitions::new();
     let mut all = shell::objects(&walls);
     doors::place(&mut all, &walls);

@@ -3,7 +3,7 @@
 use super::doors::glazing;
 use super::plan::{EAST, HEIGHT, NORTH, NORTH_WINDOWS, Partitions, SIZE, SOUTH, SOUTH_WINDOWS, WEST};
 use crate::builder::materials::Mat;
-use crate::builder::mesh_builder::{Frame, Object};
+use crate::builder::mesh_builder::{BuiltObject, LocalFrame};
 use crate::builder::partition::Partition;
 use crate::builder::shapes::{cuboid, picture, sheet_with_holes, v};
 use crate::builder::wall::Wall;
@@ -41,21 +41,21 @@ fn slots(wall: &Wall, heads: &[[f64; 4]]) -> Vec<[f64; 4]> {
 
 /// The shell's objects. Floors, ceiling and outer walls leave out where partitions stand: a sheet that went on inside of a closed body would
 /// be dark there, and so, to a light cache, a hand's breadth beside it.
-pub fn objects(walls: &Partitions) -> Vec<Object> {
+pub fn objects(walls: &Partitions) -> Vec<BuiltObject> {
     // An outer wall is one sheet: its windows stand about it, not in a partition's depth.
-    let about_the_sheet = Frame::at(0.0, 0.0, 0.04);
+    let about_the_sheet = LocalFrame::at(0.0, 0.0, 0.04);
     let mut all = Vec::new();
     let footings: Vec<[f64; 4]> = walls.all().into_iter().flat_map(Partition::footings).collect();
     for (name, covering, room) in FLOORS {
         let holes: Vec<[f64; 4]> = footings.iter().filter_map(|f| within(*f, room)).collect();
         let floor = sheet_with_holes(room[2] - room[0], room[3] - room[1], &holes).shifted(room[0], room[1], 0.0);
-        all.push(Object::new(name).with(covering, floor));
+        all.push(BuiltObject::new(name).with(covering, floor));
     }
     let heads: Vec<[f64; 4]> = walls.all().into_iter().map(Partition::head).collect();
     // Turned over about its northern edge, from where the boards' grid starts.
     let holes: Vec<[f64; 4]> = heads.iter().map(|[x0, y0, x1, y1]| [*x0, SIZE[1] - y1, *x1, SIZE[1] - y0]).collect();
-    let ceiling = sheet_with_holes(SIZE[0], SIZE[1], &holes).placed(&Frame::tilt(180.0)).shifted(0.0, SIZE[1], HEIGHT);
-    all.push(Object::new("Suspended ceiling").with(Mat::Ceiling, ceiling));
+    let ceiling = sheet_with_holes(SIZE[0], SIZE[1], &holes).placed(&LocalFrame::tilt(180.0)).shifted(0.0, SIZE[1], HEIGHT);
+    all.push(BuiltObject::new("Suspended ceiling").with(Mat::Ceiling, ceiling));
     let south = SOUTH_WINDOWS.map(|[x0, z0, x1, z1]| [SIZE[0] - x1, z0, SIZE[0] - x0, z1]);
     for (name, wall, windows) in [
         ("South wall", SOUTH, south.as_slice()),
@@ -77,7 +77,7 @@ pub fn objects(walls: &Partitions) -> Vec<Object> {
             all.push(wall.hang(window, x0, z0));
         }
     }
-    let (mut studs, mut skirting) = (Object::new("Steel studs in the partitions"), Object::new("Skirting"));
+    let (mut studs, mut skirting) = (BuiltObject::new("Steel studs in the partitions"), BuiltObject::new("Skirting"));
     for wall in walls.all() {
         all.push(wall.boards());
         wall.studs(&mut studs);
@@ -89,12 +89,12 @@ pub fn objects(walls: &Partitions) -> Vec<Object> {
 }
 
 /// The street pictures a few metres beyond the glass: the daylight.
-fn street(all: &mut Vec<Object>) {
+fn street(all: &mut Vec<BuiltObject>) {
     let (across, up) = (26.0, v(0.0, 0.0, 9.0));
     for (name, corner, along) in [
         ("Outdoor street south", v(22.0, -4.0, -1.6), DVec3::NEG_X),
         ("Outdoor street north", v(-4.0, SIZE[1] + 4.0, -1.6), DVec3::X),
     ] {
-        all.push(Object::new(name).with(Mat::Street, picture(corner, along * across, up)));
+        all.push(BuiltObject::new(name).with(Mat::Street, picture(corner, along * across, up)));
     }
 }

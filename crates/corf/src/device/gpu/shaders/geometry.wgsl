@@ -111,12 +111,18 @@ struct EllipseGradient { moments: vec3<f32>, first: vec2<f32>, inverse_z: f32, r
 // dL/dp (camera axes), dL/dV and dL/d(adj V) (full-matrix convention).
 struct ShapeGradient { p: vec3<f32>, covariance: Symmetric, adjugate: Symmetric }
 
+// dL/d(projected mean), pixels: what blending says about where a Gaussian lies in the image.
+fn mean_backward(e: Ellipse, g: EllipseGradient) -> vec2<f32> {
+    let q = vec3(e.s.y, -e.bare.y, e.s.x) * (1.0 / e.determinant);
+    return vec2(q.x * g.first.x + q.y * g.first.y, q.y * g.first.x + q.z * g.first.y);
+}
+
 // Adds what one image says.
 fn ellipse_backward(grid: GridParams, s: Shape, e: Ellipse, g: EllipseGradient, d: ptr<function, ShapeGradient>) {
     let inverse = 1.0 / e.determinant;
     let b = e.bare.y;
     let q = vec3(e.s.y * inverse, -b * inverse, e.s.x * inverse);
-    let d_mean = vec2(q.x * g.first.x + q.y * g.first.y, q.y * g.first.x + q.z * g.first.y);
+    let d_mean = mean_backward(e, g);
     // dS = −Q dQ Q with dQ = ½ Σ dL/dσ d dᵀ.
     let m = g.moments;
     let r0 = vec2(q.x * m.x + q.y * m.y, q.x * m.y + q.y * m.z);

@@ -7,7 +7,7 @@ use crate::radio::diffuse::DiffuseField;
 #[cfg(doc)]
 use crate::radio::diffuse::DiffuseSettings;
 use crate::radio::diffuse::gather::{GatherTracer, Lattice};
-use crate::radio::diffuse::light::illumination::{Lighting, Source};
+use crate::radio::diffuse::light::illumination::{IlluminationSource, Lighting};
 use corf_scene::Result;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -32,34 +32,34 @@ const NEAR_SIDES: (f64, f64) = (0.470_142_064_105_115_1, 0.132_394_152_788_506_2
 const COARSE: (f64, f64) = (0.484_122_918_275_927_1, 0.171_959_027_241_357_6);
 
 /// A piece of a triangle.
-struct Cell {
+struct DirectionCell {
     corners: [DVec3; 3],
     face: u32,
     power: f64,
     error: f64,
 }
 
-impl PartialEq for Cell {
+impl PartialEq for DirectionCell {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
 
-impl Eq for Cell {}
+impl Eq for DirectionCell {}
 
-impl PartialOrd for Cell {
+impl PartialOrd for DirectionCell {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Cell {
+impl Ord for DirectionCell {
     fn cmp(&self, other: &Self) -> Ordering {
         self.error.total_cmp(&other.error)
     }
 }
 
-impl Cell {
+impl DirectionCell {
     fn new([a, b, c]: [DVec3; 3], face: u32, density: &impl Fn(DVec3, u32) -> f64) -> Self {
         let area_m2 = 0.5 * (b - a).cross(c - a).length();
         let orbit = |t: f64| {
@@ -119,7 +119,7 @@ impl DiffuseField<'_, '_> {
     }
 
     /// Scattered power at a receiver by object, of light from a source through a number of slabs.
-    fn scattered_from(&self, source: Source, slabs: usize, rx: DVec3) -> Vec<f64> {
+    fn scattered_from(&self, source: IlluminationSource, slabs: usize, rx: DVec3) -> Vec<f64> {
         let geometry = &self.tracer.geometry;
         let lattice = Lattice::new(self.directions.count(), false, false);
         let look = GatherTracer::new(self, rx, &self.tracer.settings.rx_antenna, lattice);
@@ -153,14 +153,14 @@ impl DiffuseField<'_, '_> {
                 let face = geometry.face_of_triangle(triangle);
                 pieces(*geometry.corners(triangle)).into_iter().map(move |corners| (corners, face))
             });
-            refined(parts.map(|(corners, face)| Cell::new(corners, face, &density)).collect(), relative, &density)
+            refined(parts.map(|(corners, face)| DirectionCell::new(corners, face, &density)).collect(), relative, &density)
         };
         of_object.par_iter().map(power).collect()
     }
 }
 
 /// The power of all cells, cut up until their errors, which are as often too high as too low, add up to little.
-fn refined(mut cells: BinaryHeap<Cell>, relative: f64, density: &impl Fn(DVec3, u32) -> f64) -> f64 {
+fn refined(mut cells: BinaryHeap<DirectionCell>, relative: f64, density: &impl Fn(DVec3, u32) -> f64) -> f64 {
     let mut power: f64 = cells.iter().map(|cell| cell.power).sum();
     let mut squared_error: f64 = cells.iter().map(|cell| cell.error * cell.error).sum();
     while squared_error > (relative * power).powi(2)
@@ -170,7 +170,7 @@ fn refined(mut cells: BinaryHeap<Cell>, relative: f64, density: &impl Fn(DVec3, 
         power -= cell.power;
         squared_error -= cell.error * cell.error;
         for part in quarters(cell.corners) {
-            let part = Cell::new(part, cell.face, density);
+            let part = DirectionCell::new(part, cell.face, density);
             power += part.power;
             squared_error += part.error * part.error;
             cells.push(part);

@@ -6,7 +6,7 @@ use super::light_hit_tree::LightHit;
 use super::mis::{density, mis_weight};
 use super::ray::{CLEARANCE_M, GatherTracer, Ray, RussianRoulette};
 use crate::radio::diffuse::Contribution;
-use crate::radio::diffuse::light::illumination::{Lighting, Source};
+use crate::radio::diffuse::light::illumination::{IlluminationSource, Lighting};
 use crate::radio::geometry::SurfaceHit;
 use crate::radio::{SPEED_OF_LIGHT, field};
 use glam::DVec3;
@@ -54,7 +54,7 @@ impl GatherTracer<'_, '_, '_> {
     /// blocks it.
     pub fn sent(
         &self,
-        source: Source,
+        source: IlluminationSource,
         point: DVec3,
         face: u32,
         lighting: Lighting,
@@ -167,8 +167,8 @@ impl GatherTracer<'_, '_, '_> {
         VirtualReceiver { image: self.rx, directions: f64::INFINITY }
     }
 
-    fn transmitter(&self) -> Source {
-        Source::transmitter(self.field.illumination.tx)
+    fn transmitter(&self) -> IlluminationSource {
+        IlluminationSource::transmitter(self.field.illumination.tx)
     }
 
     /// Reports every way that a ray along a direction goes on mirrored, as long as it keeps so much of its power.

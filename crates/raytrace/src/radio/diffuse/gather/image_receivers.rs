@@ -10,7 +10,7 @@
 //! be counted too seldom. A coarser lattice of its own finds them, the same in every sampling.
 
 use super::mis;
-use super::sampling::{REFINED, Sampling};
+use super::sampling::{DirectionSampling, REFINED};
 use crate::radio::diffuse::in_tasks;
 use crate::radio::diffuse::light::illumination::{CLEARANCE_M, Illumination};
 use crate::radio::field;
@@ -101,7 +101,7 @@ impl VirtualReceiver {
     /// Ratio of the densities p_t/p_r of [`super::light_hits`] at a point of a face: of the transmitter's rays over the receiver's
     /// directions, as many over the sphere, from the [`super::mis::density`] of both there. Zero where they look at different sides of the
     /// face.
-    pub fn density_ratio(&self, sampling: Sampling, area_m2: f64, own_per_m2: f64, transmitters_per_m2: f64) -> f64 {
+    pub fn density_ratio(&self, sampling: DirectionSampling, area_m2: f64, own_per_m2: f64, transmitters_per_m2: f64) -> f64 {
         // Refinement finds no face that the sampling's own directions miss: how many meet one that is seen as it is here?
         let met = (sampling.per_sr() * own_per_m2.abs() * area_m2).min(self.directions);
         let directions = if sampling.refined { met.clamp(1.0, REFINED) } else { 1.0 };
@@ -136,7 +136,7 @@ impl ImageReceivers {
         rx: DVec3,
         strong: &StrongMirrors,
         pilots: &Directions,
-        sampling: Sampling,
+        sampling: DirectionSampling,
         wanted: impl Fn(DVec3) -> bool + Sync,
         mirrors_along: impl Fn(DVec3, f64, &mut dyn FnMut(MirrorSequence)) + Sync,
     ) -> Self {

@@ -2,7 +2,7 @@
 //! mirrors.
 
 use super::image_receivers::ImageReceiver;
-use super::sampling::Sampling;
+use super::sampling::DirectionSampling;
 use crate::radio::diffuse::light::illumination::Lighting;
 use crate::radio::geometry::Geometry;
 use glam::{DVec3, Vec3};
@@ -95,7 +95,7 @@ impl LightHitTree {
 
     /// Reports the numbers of those that a view may show and that the transmitter's rays meet more densely than the receiver's directions: of
     /// others they have no share.
-    pub fn shown(&self, view: &ImageReceiver, sampling: Sampling, mut report: impl FnMut(usize)) {
+    pub fn shown(&self, view: &ImageReceiver, sampling: DirectionSampling, mut report: impl FnMut(usize)) {
         let from = view.vantage.image.as_vec3();
         let denser = |place: &PackedHit| {
             let height_m = place.normal.dot(from) - place.offset_m;

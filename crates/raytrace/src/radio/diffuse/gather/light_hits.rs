@@ -9,7 +9,7 @@
 use super::light_hit_tree::{LightHit, LightHitTree};
 use super::mis::density;
 use crate::radio::diffuse::in_tasks;
-use crate::radio::diffuse::light::illumination::{CLEARANCE_M, Illumination, Lighting, Source};
+use crate::radio::diffuse::light::illumination::{CLEARANCE_M, Illumination, IlluminationSource, Lighting};
 use crate::radio::geometry::SurfaceHit;
 use crate::radio::lattice::Directions;
 
@@ -30,7 +30,7 @@ pub fn trace(illumination: &Illumination<'_, '_>, directions: &Directions) -> Li
 }
 
 fn all(illumination: &Illumination<'_, '_>, directions: &Directions) -> Vec<LightHit> {
-    let Some(slabs) = illumination.slab_budget(Source::transmitter(illumination.tx), 0) else { return Vec::new() };
+    let Some(slabs) = illumination.slab_budget(IlluminationSource::transmitter(illumination.tx), 0) else { return Vec::new() };
     let geometry = illumination.geometry();
     in_tasks(directions.along(), |numbers| {
         let mut light_hits = Vec::new();

@@ -15,4 +15,4 @@ mod shade;
 pub(super) mod small_faces;
 
 pub use extent::Extent;
-pub(super) use ray::{GatherTracer, Lattice, Layer};
+pub(super) use ray::{DepthLayer, GatherTracer, Lattice};

@@ -6,7 +6,7 @@
 //! received as |c·E|².
 
 use super::image_receivers::{ImageReceivers, MirrorSequence};
-use super::sampling::Sampling;
+use super::sampling::DirectionSampling;
 use super::small_faces::{Seen, SmallPoint};
 #[cfg(doc)]
 use crate::radio::diffuse::DiffuseSettings;
@@ -14,7 +14,7 @@ use crate::radio::diffuse::light::illumination::MAX_PORTS;
 use crate::radio::diffuse::{Contribution, DiffuseField};
 use crate::radio::field::antenna::Antenna;
 use crate::radio::field::fresnel::SlabResponse;
-use crate::radio::field::{self, Field};
+use crate::radio::field::{self, ElectricField};
 use crate::radio::geometry::SurfaceHit;
 use crate::radio::{MAX_INTERACTIONS, lattice};
 use glam::DVec3;
@@ -46,7 +46,7 @@ pub struct GatherTracer<'f, 't, 'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct Lattice<'s> {
     /// Number and refinement of the directions.
-    pub sampling: Sampling,
+    pub sampling: DirectionSampling,
     /// Whether what it meets is shared with the transmitter's own rays.
     pub shared: bool,
     /// Small faces, which are sampled over their area and not by directions.
@@ -58,7 +58,7 @@ pub struct Lattice<'s> {
 impl Lattice<'_> {
     /// A lattice that is the only sampling technique, but for the transmitter's own rays where `shared`.
     pub fn new(count: usize, refined: bool, shared: bool) -> Self {
-        Self { sampling: Sampling { count, refined }, shared, small: None, views: None }
+        Self { sampling: DirectionSampling { count, refined }, shared, small: None, views: None }
     }
 
     pub(super) fn is_small(&self, face: u32) -> bool {
@@ -68,7 +68,7 @@ impl Lattice<'_> {
 
 /// Depth layer of the surfaces whose scattering is gathered along a direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layer {
+pub enum DepthLayer {
     /// Scattering of the surface seen first.
     Front,
     /// Scattering of surfaces behind the first, seen mirrored and through slabs.
@@ -83,7 +83,7 @@ pub(super) struct Ray {
     pub(super) origin: DVec3,
     pub(super) direction: DVec3,
     /// The receiver's port vectors, taken backwards to here.
-    pub(super) ports: [Field; MAX_PORTS],
+    pub(super) ports: [ElectricField; MAX_PORTS],
     pub(super) length_m: f64,
     pub(super) hops: usize,
     /// Mirrors on its way.
@@ -95,7 +95,7 @@ pub(super) struct Ray {
 impl Ray {
     /// Power gain of the receiver's ports along the ray, with the losses on its way so far.
     pub(super) fn power(&self) -> f64 {
-        self.ports.iter().map(Field::norm_squared).sum()
+        self.ports.iter().map(ElectricField::norm_squared).sum()
     }
 }
 
@@ -132,7 +132,13 @@ impl<'f, 't, 'a> GatherTracer<'f, 't, 'a> {
     }
 
     /// Follows direction `index` of the lattice and reports what is scattered back along it; returns the object seen first.
-    pub fn along(&mut self, index: usize, direction: DVec3, layer: Layer, report: &mut impl FnMut(Contribution)) -> Option<u32> {
+    pub fn along(
+        &mut self,
+        index: usize,
+        direction: DVec3,
+        layer: DepthLayer,
+        report: &mut impl FnMut(Contribution),
+    ) -> Option<u32> {
         let geometry = &self.field.tracer.geometry;
         let ray = self.outwards(direction);
         let mut luck = self.luck(ray.power(), index);
@@ -148,13 +154,13 @@ impl<'f, 't, 'a> GatherTracer<'f, 't, 'a> {
             if ray.hops == 0 {
                 seen = Some(geometry.faces[met.face as usize].object);
             }
-            if (ray.hops > 0 || layer != Layer::Beyond)
+            if (ray.hops > 0 || layer != DepthLayer::Beyond)
                 && !(ray.way == MirrorSequence::STRAIGHT && self.lattice.is_small(met.face))
                 && let Some(ray) = self.looking(&ray, &met, &mut luck)
             {
                 self.scattered(&ray, &met, None, report);
             }
-            if ray.hops < self.deepest && layer != Layer::Front {
+            if ray.hops < self.deepest && layer != DepthLayer::Front {
                 let response = self.response(&ray, &met);
                 for mirrored in [true, false] {
                     self.stack.extend(self.behind(&ray, &met, &response, mirrored, &mut luck));

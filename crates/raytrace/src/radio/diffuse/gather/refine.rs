@@ -13,7 +13,7 @@
 use super::bins::Bins;
 use super::fireflies;
 use super::image_receivers::ImageReceivers;
-use super::ray::{GatherTracer, Lattice, Layer};
+use super::ray::{DepthLayer, GatherTracer, Lattice};
 use super::sampling::MOST_ALONG_SIDE;
 use super::small_faces;
 use crate::radio::diffuse::{Contribution, DIRECTIONS_PER_TASK, DiffuseField, in_tasks};
@@ -93,7 +93,7 @@ impl RefinementRequest {
 }
 
 /// One direction of the lattice and what is known of its cell.
-struct Cell {
+struct DirectionCell {
     index: usize,
     direction: DVec3,
     /// Power from the surfaces seen first, and from behind them: by [`LAYERS`].
@@ -101,9 +101,9 @@ struct Cell {
 }
 
 /// Layers that are refined independently: most outlines are those of the surfaces seen first, and surfaces behind them cost more rays.
-const LAYERS: [Layer; 2] = [Layer::Front, Layer::Beyond];
+const LAYERS: [DepthLayer; 2] = [DepthLayer::Front, DepthLayer::Beyond];
 
-impl Cell {
+impl DirectionCell {
     /// Everything it receives, by object.
     fn arrivals(self) -> impl Iterator<Item = Arrival> {
         let [Seen { mut parts, .. }, beyond] = self.seen;
@@ -158,7 +158,7 @@ impl Gathering<'_, '_, '_, '_> {
     /// One arrival per direction that receives anything, and the number of all of them.
     fn plain(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> (Vec<Arrival>, usize) {
         let found = self.look(wanted, |look, index, direction| {
-            arrival(direction, |report| look.along(index, direction, Layer::All, &mut |c| report(c)))
+            arrival(direction, |report| look.along(index, direction, DepthLayer::All, &mut |c| report(c)))
         });
         let directions = found.len();
         (found.into_iter().flatten().collect(), directions)
@@ -198,10 +198,10 @@ impl Gathering<'_, '_, '_, '_> {
 
     /// An arrival per direction and object, those of cut cells together, and the number of directions.
     fn refined(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> (Vec<Arrival>, usize) {
-        let mut cells: Vec<Cell> = self.look(wanted, |look, index, direction| {
+        let mut cells: Vec<DirectionCell> = self.look(wanted, |look, index, direction| {
             let mut seen = [1; 2].map(Seen::of_side);
-            along(look, index, direction, Layer::All, &mut seen);
-            let mut cell = Cell { index, direction, seen };
+            along(look, index, direction, DepthLayer::All, &mut seen);
+            let mut cell = DirectionCell { index, direction, seen };
             if self.mirror_side > 1 && look.beyond() >= STRONG_MIRROR {
                 let shown = self.cut(&cell, 1, self.mirror_side, |look, _| look.beyond() >= STRONG_MIRROR, look);
                 if let Some(seen) = shown {
@@ -214,7 +214,7 @@ impl Gathering<'_, '_, '_, '_> {
             self.refine(&mut cells);
         }
         let directions = cells.len();
-        (cells.into_iter().flat_map(Cell::arrivals).collect(), directions)
+        (cells.into_iter().flat_map(DirectionCell::arrivals).collect(), directions)
     }
 
     /// Results of `find` along every `wanted` direction of the lattice.
@@ -237,7 +237,7 @@ impl Gathering<'_, '_, '_, '_> {
     }
 
     /// Cuts every cell whose neighbours call for it, and those that differ from all of them.
-    fn refine(&self, cells: &mut [Cell]) {
+    fn refine(&self, cells: &mut [DirectionCell]) {
         let wishes = self.wishes(cells);
         cells.par_chunks_mut(DIRECTIONS_PER_TASK).zip(wishes.par_chunks(DIRECTIONS_PER_TASK)).for_each(|(cells, wishes)| {
             let mut look = GatherTracer::new(self.field, self.rx, self.antenna, self.lattice());
@@ -266,7 +266,7 @@ impl Gathering<'_, '_, '_, '_> {
     /// Looks at a layer of a cell along side × side directions: the mean of those that count by how they looked and their power, if any does.
     fn cut(
         &self,
-        cell: &Cell,
+        cell: &DirectionCell,
         layer: usize,
         side: usize,
         counts: impl Fn(&GatherTracer<'_, '_, '_>, f64) -> bool,
@@ -291,7 +291,7 @@ impl Gathering<'_, '_, '_, '_> {
     }
 
     /// Refinement that each cell's neighbours ask of it, by layer.
-    fn wishes(&self, cells: &[Cell]) -> Vec<[RefinementRequest; 2]> {
+    fn wishes(&self, cells: &[DirectionCell]) -> Vec<[RefinementRequest; 2]> {
         let count = self.directions.count();
         let mut by_index = vec![[f64::NAN; 2]; count];
         let mut bins = Bins::new(self.resolution_deg);
@@ -366,7 +366,7 @@ fn arrival(direction: DVec3, look: impl FnOnce(&mut dyn FnMut(Contribution)) -> 
 }
 
 /// Looks along one direction and adds what comes from there to what was seen.
-fn along(look: &mut GatherTracer<'_, '_, '_>, number: usize, direction: DVec3, layer: Layer, seen: &mut [Seen; 2]) {
+fn along(look: &mut GatherTracer<'_, '_, '_>, number: usize, direction: DVec3, layer: DepthLayer, seen: &mut [Seen; 2]) {
     let mut sums = [(0.0, 0.0); 2];
     let object = look.along(number, direction, layer, &mut |c| {
         let (power, weighted_delay) = &mut sums[usize::from(c.after > 0)];

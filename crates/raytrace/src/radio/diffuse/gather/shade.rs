@@ -5,7 +5,7 @@ use super::ray::{GatherTracer, Ray};
 use crate::radio::diffuse::Contribution;
 use crate::radio::diffuse::light::illumination::{Incident, MAX_PORTS};
 use crate::radio::field::antenna::{phi_hat, theta_hat};
-use crate::radio::field::{self, Field};
+use crate::radio::field::{self, ElectricField};
 use crate::radio::geometry::SurfaceHit;
 use crate::radio::{Complex, SPEED_OF_LIGHT, field::scattering};
 use glam::DVec3;
@@ -84,16 +84,16 @@ impl GatherTracer<'_, '_, '_> {
     }
 
     /// The antenna's own field vectors along a direction that it looks in.
-    pub(super) fn port_fields(&self, direction: DVec3) -> [Field; MAX_PORTS] {
-        let mut fields = [Field::default(); MAX_PORTS];
+    pub(super) fn port_fields(&self, direction: DVec3) -> [ElectricField; MAX_PORTS] {
+        let mut fields = [ElectricField::default(); MAX_PORTS];
         for (port, field) in fields.iter_mut().enumerate().take(self.ports()) {
-            *field = Field::real(self.antenna.port_field(port, direction));
+            *field = ElectricField::real(self.antenna.port_field(port, direction));
         }
         fields
     }
 
     /// Response of each port to unit fields along θ̂ and along φ̂ that leave a point towards the receiver.
-    pub(super) fn received(&self, ports: &[Field; MAX_PORTS], towards_rx: DVec3) -> [(Complex, Complex); MAX_PORTS] {
+    pub(super) fn received(&self, ports: &[ElectricField; MAX_PORTS], towards_rx: DVec3) -> [(Complex, Complex); MAX_PORTS] {
         let (theta_out, phi_out) = (theta_hat(towards_rx), phi_hat(towards_rx));
         ports.map(|c| (c.along(theta_out), c.along(phi_out)))
     }

@@ -7,7 +7,7 @@
 //! of interactions that their chain leaves to the way towards the receiver.
 
 use super::illumination::Illumination;
-use super::nodes::{self, Lobes, Nodes};
+use super::nodes::{self, LobeBuffer, Nodes};
 use super::patches::{GRAINS, Patches};
 use super::shrinkage::smooth;
 use super::subcells::{self, SubcellRange};
@@ -125,7 +125,7 @@ impl RadianceCache {
         chunks.enumerate().for_each(|(task, (values, subcells))| {
             let first = (task * SLOTS_PER_TASK) as u32;
             let end = first + values.len() as u32;
-            let mut lobes = Lobes::default();
+            let mut lobes = LobeBuffer::default();
             for batch in batches {
                 let from = batch.partition_point(|d| d.slot < first);
                 for deposit in batch[from..].iter().take_while(|d| d.slot < end) {
@@ -336,7 +336,7 @@ struct Left<'a> {
 
 impl Left<'_> {
     /// Adds it at every node. Every processor's version does the same operations and gives the same bits.
-    fn add(&self, rows: &mut [f32], lobes: &mut Lobes) {
+    fn add(&self, rows: &mut [f32], lobes: &mut LobeBuffer) {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has AVX2.
@@ -347,12 +347,12 @@ impl Left<'_> {
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn add_avx2(&self, rows: &mut [f32], lobes: &mut Lobes) {
+    fn add_avx2(&self, rows: &mut [f32], lobes: &mut LobeBuffer) {
         self.add_portable(rows, lobes);
     }
 
     #[inline(always)]
-    fn add_portable(&self, rows: &mut [f32], lobes: &mut Lobes) {
+    fn add_portable(&self, rows: &mut [f32], lobes: &mut LobeBuffer) {
         self.nodes.lobe(self.pattern, self.normal, self.specular, self.back, lobes);
         let (rows, _) = rows.as_chunks_mut::<COMPONENTS>();
         for (row, f) in rows.iter_mut().zip(&lobes.values) {

@@ -1,7 +1,7 @@
 //! Direct illumination of a point: by the transmitter itself and its mirror images, straight through slabs where they let power pass.
 
 use crate::radio::field::tables::SlabTable;
-use crate::radio::field::{self, Field};
+use crate::radio::field::{self, ElectricField};
 use crate::radio::geometry::Geometry;
 use crate::radio::{RadioTracer, lattice};
 use glam::DVec3;
@@ -15,14 +15,14 @@ pub const CLEARANCE_M: f64 = 5e-5;
 
 /// The transmitter, or its image in a face.
 #[derive(Clone, Copy, Debug)]
-pub struct Source {
+pub struct IlluminationSource {
     /// Position of the transmitter or of its image, world frame, metres.
     pub image: DVec3,
     /// The mirror; `None` for the transmitter itself.
     pub mirror: Option<u32>,
 }
 
-impl Source {
+impl IlluminationSource {
     /// The transmitter itself.
     pub fn transmitter(tx: DVec3) -> Self {
         Self { image: tx, mirror: None }
@@ -49,7 +49,7 @@ pub struct Incident {
     /// Unit direction of propagation at the point.
     pub direction: DVec3,
     /// Field of every port of the transmitter, without spreading and phase.
-    pub fields: [Field; MAX_PORTS],
+    pub fields: [ElectricField; MAX_PORTS],
     /// Unfolded distance from the transmitter, metres.
     pub distance_m: f64,
 }
@@ -61,7 +61,7 @@ pub struct Illumination<'t, 'a> {
     pub tables: Vec<Option<SlabTable>>,
     pub tx: DVec3,
     /// The transmitter first, then its images.
-    pub sources: Vec<Source>,
+    pub sources: Vec<IlluminationSource>,
     /// Whether a face's image of the transmitter is among the sources, by face.
     mirrors: Vec<bool>,
 }
@@ -73,7 +73,7 @@ impl<'t, 'a> Illumination<'t, 'a> {
         let tables = geometry.slabs.iter().map(|slab| slab.as_ref().map(SlabTable::new)).collect();
         let mut sources = Vec::new();
         if tracer.settings.max_interactions >= 1 {
-            sources.push(Source::transmitter(tx));
+            sources.push(IlluminationSource::transmitter(tx));
         }
         // One interaction before the scattering and the scattering itself.
         if tracer.settings.reflection && tracer.settings.max_interactions >= 2 && min_mirror_sr < 4.0 * std::f64::consts::PI {
@@ -86,12 +86,12 @@ impl<'t, 'a> Illumination<'t, 'a> {
             let enough = (min_mirror_sr * MIRROR_RAYS as f64 / (4.0 * std::f64::consts::PI)).max(1.0);
             for (face, count) in seen.into_iter().enumerate() {
                 if count as f64 >= enough {
-                    sources.push(Source { image: geometry.faces[face].mirror(tx), mirror: Some(face as u32) });
+                    sources.push(IlluminationSource { image: geometry.faces[face].mirror(tx), mirror: Some(face as u32) });
                 }
             }
         }
         let mut mirrors = vec![false; geometry.faces.len()];
-        sources.iter().filter_map(|s: &Source| s.mirror).for_each(|face| mirrors[face as usize] = true);
+        sources.iter().filter_map(|s: &IlluminationSource| s.mirror).for_each(|face| mirrors[face as usize] = true);
         Self { tracer, tables, tx, sources, mirrors }
     }
 
@@ -107,14 +107,14 @@ impl<'t, 'a> Illumination<'t, 'a> {
     }
 
     /// Interactions a source's legs may still spend on slabs, after its mirror, the scattering itself and `after` more behind it.
-    pub fn slab_budget(&self, source: Source, after: usize) -> Option<usize> {
+    pub fn slab_budget(&self, source: IlluminationSource, after: usize) -> Option<usize> {
         let spent = 1 + after + usize::from(source.mirror.is_some());
         let left = self.tracer.settings.max_interactions.checked_sub(spent)?;
         Some(if self.tracer.settings.transmission { left } else { 0 })
     }
 
     /// Visibility of a source from a point of a face.
-    pub fn lighting(&self, source: Source, point: DVec3, face: u32) -> Lighting {
+    pub fn lighting(&self, source: IlluminationSource, point: DVec3, face: u32) -> Lighting {
         let Some(slab_budget) = self.slab_budget(source, 0) else { return Lighting::Dark };
         let leg = |from: DVec3, to: DVec3, skip: [Option<u32>; 2]| -> Lighting {
             let mut slabs = false;
@@ -159,17 +159,24 @@ impl<'t, 'a> Illumination<'t, 'a> {
     }
 
     /// The fields that the transmitter's ports send along a direction.
-    fn emitted(&self, direction: DVec3) -> [Field; MAX_PORTS] {
+    fn emitted(&self, direction: DVec3) -> [ElectricField; MAX_PORTS] {
         let antenna = &self.tracer.settings.tx_antenna;
-        let mut fields = [Field::default(); MAX_PORTS];
+        let mut fields = [ElectricField::default(); MAX_PORTS];
         for (port, field) in fields.iter_mut().enumerate().take(self.ports()) {
-            *field = Field::real(antenna.port_field(port, direction));
+            *field = ElectricField::real(antenna.port_field(port, direction));
         }
         fields
     }
 
     /// The field of a source at a point it lights, slabs included; `after` interactions follow the scattering.
-    pub fn incident(&self, source: Source, lighting: Lighting, point: DVec3, face: u32, after: usize) -> Option<Incident> {
+    pub fn incident(
+        &self,
+        source: IlluminationSource,
+        lighting: Lighting,
+        point: DVec3,
+        face: u32,
+        after: usize,
+    ) -> Option<Incident> {
         let budget = self.slab_budget(source, after)?;
         if lighting == Lighting::Dark || (lighting == Lighting::ThroughSlabs && budget == 0) {
             return None;
@@ -182,7 +189,7 @@ impl<'t, 'a> Illumination<'t, 'a> {
         let ports = self.ports();
         let mut left = budget;
         let mut through =
-            |fields: &mut [Field], from: DVec3, to: DVec3, skip: [Option<u32>; 2], direction: DVec3| -> Option<()> {
+            |fields: &mut [ElectricField], from: DVec3, to: DVec3, skip: [Option<u32>; 2], direction: DVec3| -> Option<()> {
                 if lighting == Lighting::ThroughSlabs {
                     let crossed = self.geometry().crossings(from, to, skip, left)?;
                     left -= crossed.len();
@@ -211,13 +218,13 @@ impl<'t, 'a> Illumination<'t, 'a> {
     }
 
     /// The field behind a slab.
-    pub fn pass(&self, e: &Field, face: u32, direction: DVec3) -> Field {
+    pub fn pass(&self, e: &ElectricField, face: u32, direction: DVec3) -> ElectricField {
         let normal = self.geometry().faces[face as usize].normal;
         field::transmit(e, direction, normal, &self.table(face).response(field::cos_incidence(direction, normal)))
     }
 
     /// The specularly reflected field.
-    pub fn bounce_field(&self, e: &Field, face: u32, direction: DVec3) -> Field {
+    pub fn bounce_field(&self, e: &ElectricField, face: u32, direction: DVec3) -> ElectricField {
         let normal = self.geometry().faces[face as usize].normal;
         let response = self.table(face).response(field::cos_incidence(direction, normal));
         field::reflect(e, direction, normal, &response, self.geometry().slab(face).specular_amplitude())

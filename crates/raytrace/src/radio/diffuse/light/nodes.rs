@@ -17,7 +17,7 @@ pub struct Nodes {
 
 /// Room for the lobes of one wave.
 #[derive(Debug, Default)]
-pub struct Lobes {
+pub struct LobeBuffer {
     /// F·f_s at every node.
     pub values: Vec<f32>,
     other: Vec<f32>,
@@ -94,8 +94,8 @@ impl Nodes {
     /// F·f_s of a wave at every node, in their order: `specular` and `back` are its mirrored and its reversed direction, `normal` that
     /// of the very facet it meets, all in the grid's frame. Nodes behind the facet get nothing.
     #[inline(always)]
-    pub fn lobe(&self, pattern: ScatteringPattern, normal: Vec3, specular: Vec3, back: Vec3, lobes: &mut Lobes) {
-        let Lobes { values, other, base } = lobes;
+    pub fn lobe(&self, pattern: ScatteringPattern, normal: Vec3, specular: Vec3, back: Vec3, lobes: &mut LobeBuffer) {
+        let LobeBuffer { values, other, base } = lobes;
         match pattern {
             ScatteringPattern::Lambertian => {
                 values.clear();
@@ -171,7 +171,7 @@ mod tests {
         for alpha_r in [5, 10, 40] {
             let pattern = ScatteringPattern::Directive { alpha_r };
             let nodes = Nodes::new(pattern);
-            let (mut lobes, mut before) = (Lobes::default(), Vec::new());
+            let (mut lobes, mut before) = (LobeBuffer::default(), Vec::new());
             let (mut found, mut expected) = (0.0, 0.0);
             for i in 0..200 {
                 // Mirrored directions all over the inner hemisphere.
@@ -206,7 +206,7 @@ mod tests {
             ScatteringPattern::Backscatter { alpha_r: 4, alpha_i: 9, lambda: 0.6 },
         ] {
             let nodes = Nodes::new(pattern);
-            let mut lobes = Lobes::default();
+            let mut lobes = LobeBuffer::default();
             for incidence in [0.0f64, 0.7, 1.4] {
                 let k = DVec3::new(incidence.sin() * 0.8, incidence.sin() * 0.6, -incidence.cos());
                 let (specular, back) = (DVec3::new(k.x, k.y, -k.z), -k);

@@ -11,7 +11,7 @@ use super::illumination::{CLEARANCE_M, Illumination};
 use super::patches::Patches;
 use crate::radio::field::antenna::{phi_hat, theta_hat};
 use crate::radio::field::scattering;
-use crate::radio::field::{self, Field};
+use crate::radio::field::{self, ElectricField};
 use crate::radio::geometry::SurfaceHit;
 use corf_scene::Rng;
 use glam::{DMat3, DVec3};
@@ -37,7 +37,7 @@ pub enum Event {
 struct Photon {
     origin: DVec3,
     direction: DVec3,
-    field: Field,
+    field: ElectricField,
     length_m: f64,
     interactions: usize,
     /// Mirrors so far.
@@ -103,7 +103,7 @@ impl Photons<'_, '_, '_> {
         let ports = self.illumination.ports();
         let port = if matches!(pass.emission, Emission::Even { .. }) { i % ports } else { rng.below(ports) };
         let share = solid_angle_sr * self.count as f64 / (4.0 * std::f64::consts::PI);
-        let field = Field::real(settings.tx_antenna.port_field(port, direction)).scaled(share.sqrt());
+        let field = ElectricField::real(settings.tx_antenna.port_field(port, direction)).scaled(share.sqrt());
         let origin = self.illumination.tx;
         trail.stack.push(Photon {
             origin,
@@ -179,7 +179,7 @@ impl Photons<'_, '_, '_> {
         } else {
             None
         };
-        let mut go_on = |direction: DVec3, field: Field, mirrors: usize, scattered: bool, covered: bool| {
+        let mut go_on = |direction: DVec3, field: ElectricField, mirrors: usize, scattered: bool, covered: bool| {
             let kept = (field.norm_squared() / ROULETTE_POWER).min(1.0);
             if kept < 1.0 && rng.uniform_f64() >= kept {
                 return;
@@ -200,7 +200,7 @@ impl Photons<'_, '_, '_> {
         if let Some((direction, weight)) = drawn {
             let scale = (weight * f64::from(entry.inverse_normalisation)).sqrt();
             let (theta, phi) = (theta_hat(direction), phi_hat(direction));
-            go_on(direction, Field::of_components(out_theta * scale, theta, out_phi * scale, phi), 0, true, false);
+            go_on(direction, ElectricField::of_components(out_theta * scale, theta, out_phi * scale, phi), 0, true, false);
         }
     }
 }
