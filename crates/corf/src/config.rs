@@ -111,6 +111,10 @@ pub struct ReconstructionConfig {
     /// the field and before its Gaussians and images are added, so that a GPU trains while the processor decides what to add. After the
     /// last keyframe they run without overlap. Default 0, as published.
     pub overlapped_iterations: usize,
+    /// Time of a keyframe instead of `iterations_per_keyframe`, milliseconds from when its turn comes: its expansion takes what it takes, and
+    /// steps fill the rest, five at least. A result then depends on the machine and its load, and no two runs are the same.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub keyframe_budget_ms: Option<f64>,
     /// Pyramid levels (paper: 3).
     pub pyramid_levels: u32,
     /// Pyramid levels of the spectrum, at most `pyramid_levels`: with fewer it starts finer than the image. Default: as many, as published.
@@ -316,6 +320,7 @@ impl Default for ReconstructionConfig {
             least_probability: 0.0,
             radio_target: RadioTarget::Jet,
             iterations_per_keyframe: 75,
+            keyframe_budget_ms: None,
             overlapped_iterations: 0,
             pyramid_levels: 3,
             radio_pyramid_levels: None,
@@ -353,7 +358,7 @@ impl ReconstructionConfig {
         let weight = |x: f32| (0.0..=1e6).contains(&x);
         let count = |n: usize, most: usize| (1..=most).contains(&n);
         let d = &self.depth;
-        let checks: [(&str, bool, &str); 34] = [
+        let checks: [(&str, bool, &str); 35] = [
             ("uniform_probability", probability(self.uniform_probability), "a probability between 0 and 1"),
             ("least_probability", probability(self.least_probability), "a probability between 0 and 1"),
             ("iterations_per_keyframe", count(self.iterations_per_keyframe, 1_000_000), "1 to 1 000 000 (paper: 75)"),
@@ -361,6 +366,11 @@ impl ReconstructionConfig {
                 "overlapped_iterations",
                 self.overlapped_iterations <= self.iterations_per_keyframe,
                 "at most iterations_per_keyframe",
+            ),
+            (
+                "keyframe_budget_ms",
+                self.keyframe_budget_ms.is_none_or(|ms| (1.0..=3.6e6).contains(&ms)),
+                "1 to 3 600 000 milliseconds",
             ),
             ("pyramid_levels", (1..=6).contains(&self.pyramid_levels), "between 1 and 6 (paper: 3)"),
             (
@@ -422,7 +432,10 @@ impl ReconstructionConfig {
         const JOINT: &str = "in two stages each modality is learnt by itself, and nothing is weighed against it";
         const STAGED: &str = "it counts in two stages alone (the methods corf-gs-frozen and corf-gs-rf-tuned)";
         let uniform = self.sampling == Sampling::Uniform;
+        const BUDGET: &str = "with keyframe_budget_ms steps are taken while there is time: leave one of the two out";
         let mut idle = IdleKey::all([
+            ("iterations_per_keyframe", self.keyframe_budget_ms.is_none(), BUDGET),
+            ("overlapped_iterations", self.keyframe_budget_ms.is_none(), BUDGET),
             ("second_stage_opacity", self.coupling != Coupling::Joint, STAGED),
             ("rf_weight", self.coupling == Coupling::Joint, JOINT),
             ("uniform_probability", uniform, UNIFORM),
@@ -447,6 +460,11 @@ impl ReconstructionConfig {
             log_sigma_px: self.log_sigma_px * (width as f32 / SIGMA_COLUMNS).max(1.0),
             ..self.clone()
         }
+    }
+
+    /// Steps that overlap with the next keyframe's expansion: none where a keyframe has a time.
+    pub(crate) fn overlapped_iterations(&self) -> usize {
+        if self.keyframe_budget_ms.is_some() { 0 } else { self.overlapped_iterations }
     }
 
     /// No Gaussians yet, with the channels and harmonic degrees this configuration asks for: what a device is made with.

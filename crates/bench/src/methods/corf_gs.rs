@@ -7,13 +7,14 @@ use crate::device::Backend;
 use crate::methods::family::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::field::FieldPredictor;
 use crate::methods::initial::Initial;
-use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
+use crate::methods::interface::{StageTime, Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::note;
 use anyhow::{Context, Result};
 use corf::config::{Coupling, DepthPriorKind, ReconstructionConfig};
 use corf::depth::DepthPrior;
 use corf::optimizer::{OptimizerConfig, RasterConfig};
 use corf::{Device, FieldMeta, IdleKey, Reconstructor};
+use corf_scene::words::counted;
 use corf_scene::keyframe::Modalities;
 pub use live::live_overrides;
 pub(super) use online::Checkpointer;
@@ -22,12 +23,16 @@ use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 /// Configuration of the four CORF-GS rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CorfGsConfig {
     /// Epochs of offline fine-tuning after the last keyframe (paper: "iterations" of the fine-tuning table).
     pub fine_tune_epochs: usize,
+    /// Time of fine-tuning instead, seconds: epochs while there is time, one at least. The result depends on the machine and its load.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fine_tune_s: Option<f64>,
     /// Gaussians of light that another program trained (PLY), which the field begins with.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_gaussians: Option<PathBuf>,
@@ -47,18 +52,33 @@ impl CorfGsConfig {
         }
         let mut rest = settings.clone();
         let epochs = rest.remove("fine_tune_epochs").map_or_else(|| Ok(0), toml::Value::try_into);
+        let seconds = rest.remove("fine_tune_s").map_or_else(|| Ok(None), |v| v.try_into().map(Some));
         let initial = rest.remove("initial_gaussians").map_or_else(|| Ok(None), |v| v.try_into().map(Some));
         let config = Self {
             initial_gaussians: initial.context("in key initial_gaussians")?,
             fine_tune_epochs: epochs.context("in key fine_tune_epochs")?,
+            fine_tune_s: seconds.context("in key fine_tune_s")?,
             optimizer: take(&mut rest, "optimizer")?,
             raster: take(&mut rest, "raster")?,
             reconstruction: over_defaults(rest)?,
         };
+        anyhow::ensure!(
+            config.fine_tune_s.is_none_or(|s| (1.0..=86_400.0).contains(&s)),
+            "key fine_tune_s: the value is out of range\n  help: give 1 to 86 400 seconds"
+        );
+        anyhow::ensure!(
+            config.fine_tune_s.is_none() || config.fine_tune_epochs == 0,
+            "fine_tune_epochs and fine_tune_s both say how long fine-tuning takes\n  help: leave one of the two out"
+        );
         config.reconstruction.validate()?;
         config.optimizer.validate()?;
         config.raster.validate()?;
         Ok(config)
+    }
+
+    /// Units of work of fine-tuning, for progress: epochs, or seconds.
+    fn fine_tune_units(&self) -> usize {
+        self.fine_tune_s.map_or(self.fine_tune_epochs, |s| s.ceil() as usize)
     }
 
     /// Keys of the overrides that mean nothing beside the others.
@@ -256,7 +276,7 @@ impl Method for CorfGs {
             reconstructor.begin_with(&initial.coupled(config.empty_field(), config.radio_target, training)?)?;
         }
         let stages = if config.coupling == Coupling::Joint { 1 } else { 2 };
-        let total = training.len() * stages + self.config.fine_tune_epochs;
+        let total = training.len() * stages + self.config.fine_tune_units();
         let mut online =
             Online { reconstructor, training, checkpointer: Checkpointer::new(self.checkpoints.clone()), total, reported: 0 };
         online.run(advance)?;
@@ -277,15 +297,29 @@ impl CorfGs {
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
         let stages = if self.config.reconstruction.coupling == Coupling::Joint { 1 } else { 2 };
-        let total = keyframes * stages + self.config.fine_tune_epochs;
+        let total = keyframes * stages + self.config.fine_tune_units();
         // The second stage counts as many units as the first had keyframes.
         let mut relay = Relay { advance, failure: None };
         let second = (stages - 1) * keyframes;
         let ended = reconstructor.finish(&mut |done, of| relay.report(keyframes + second * done / of.max(1), total));
         relay.settle(ended).map_err(explain)?;
         let before = keyframes * stages;
-        let ended = reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| relay.report(before + done, total));
-        relay.settle(ended).map_err(explain)?;
+        let mut stages = vec![];
+        if let Some(seconds) = self.config.fine_tune_s {
+            let begin = Instant::now();
+            let most = self.config.fine_tune_units();
+            let ended = reconstructor.fine_tune_for(Duration::from_secs_f64(seconds), &mut |spent| {
+                relay.report(before + most.min(spent.as_secs() as usize), total)
+            });
+            let epochs = relay.settle(ended).map_err(explain)?;
+            stages.push(StageTime {
+                name: format!("fine-tuning, {}", counted(epochs, "epoch")),
+                seconds: begin.elapsed().as_secs_f64(),
+            });
+        } else {
+            let ended = reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| relay.report(before + done, total));
+            relay.settle(ended).map_err(explain)?;
+        }
         anyhow::ensure!(
             reconstructor.gaussian_count() > 0,
             "{}: {keyframes} training keyframes gave no Gaussians, so there is no field\n  help: `corf dataset validate` says whether images are \
@@ -303,6 +337,7 @@ impl CorfGs {
             gaussians: Some(reconstructor.gaussian_count()),
             keyframe,
             depth,
+            stages: &stages,
             ..Advance::of(total, total)
         })?;
         let field = FieldPredictor::learnt(reconstructor.field()?, self.config.raster, &self.backend)?;

@@ -58,7 +58,7 @@ impl Reconstructor {
     pub(super) fn expand(&mut self, mut keyframe: Prepared) -> Result<Expansion> {
         let view = View { camera: self.meta.light_camera, world_from_camera: keyframe.training.world_from_camera };
         let (seen, judged) = self.survey(view, &mut keyframe)?;
-        let late = self.online_steps(self.config.overlapped_iterations);
+        let late = self.online_steps(self.config.overlapped_iterations());
         let trained = if late.is_empty() { None } else { self.device.begin_training(&late)? };
         let (change, mut expansion) = self.decide(view, &mut keyframe, &seen, &judged)?;
         let trained = if trained.is_some() { trained } else { self.device.end_training()? };

@@ -21,6 +21,9 @@ pub struct KeyframeTiming {
     /// ([`overlapped_iterations`](crate::ReconstructionConfig)): it includes waiting for that keyframe, and is a part of its `expand_s`.
     #[serde(default)]
     pub late_s: f64,
+    /// Steps taken, where a time was given for them ([`keyframe_budget_ms`](crate::ReconstructionConfig)).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steps: Option<usize>,
 }
 
 impl KeyframeTiming {

@@ -83,6 +83,40 @@ pub struct Reconstructor {
     finished: bool,
 }
 
+/// How many steps a keyframe gets.
+enum Amount {
+    Steps(usize),
+    /// As many as there is time for.
+    Until(Instant),
+}
+
+impl Amount {
+    /// Steps between two looks at the clock.
+    const BATCH: usize = 5;
+
+    /// Takes the steps that `draw` gives, and says the last one's report and their number.
+    fn train(&self, device: &mut dyn Device, draw: &mut dyn FnMut(usize) -> Vec<Step>) -> Result<(StepReport, usize)> {
+        let end = match self {
+            Self::Steps(count) => {
+                let steps = draw(*count);
+                return Ok((device.train(&steps)?, steps.len()));
+            }
+            Self::Until(end) => *end,
+        };
+        let mut taken = 0;
+        loop {
+            let begin = Instant::now();
+            let steps = draw(Self::BATCH);
+            let last = device.train(&steps)?;
+            taken += steps.len();
+            let now = Instant::now();
+            if steps.is_empty() || now + (now - begin) > end {
+                return Ok((last, taken));
+            }
+        }
+    }
+}
+
 impl Reconstructor {
     /// An empty field. The cameras are those of every keyframe to come, `db_range` the whole dataset's. In a capture without light
     /// [growth is guided](crate::keyframe::guide) by spectra, and both cameras are theirs; in one without radio `rf_camera` is any,
@@ -128,7 +162,7 @@ impl Reconstructor {
         Self::check_cameras(&config, &light_camera, &radio_camera)?;
         let background = (!device.trains_on_the_host()).then(rayon::current_num_threads);
         // Where steps are taken during an expansion, what it needs can wait for it.
-        let eager = background.is_some() && config.overlapped_iterations == 0;
+        let eager = background.is_some() && config.overlapped_iterations() == 0;
         let preparer = Preparer::new(&config, &meta, seed, device.packer(), eager)?;
         Ok(Self {
             ahead: KeyframePipeline::new(preparer, prepare::Past::new(&config), background),
@@ -281,14 +315,19 @@ impl Reconstructor {
             self.end_timing(late.ended);
         }
         let expanded = Instant::now();
-        let steps = self.online_steps(self.config.iterations_per_keyframe - self.config.overlapped_iterations);
-        let (device, ahead) = (&mut self.device, &mut self.ahead);
-        let (trained, ()) = if device.trains_on_the_host() {
-            rayon::join(|| device.train(&steps).map(|last| (last, Instant::now())), || ahead.prepare_one())
-        } else {
-            (device.train(&steps).map(|last| (last, Instant::now())), ())
+        let amount = match self.config.keyframe_budget_ms {
+            Some(ms) => Amount::Until(begin + Duration::from_secs_f64(ms / 1e3)),
+            None => Amount::Steps(self.config.iterations_per_keyframe - self.config.overlapped_iterations()),
         };
-        let (last, trained) = trained?;
+        let weights = self.online_weights();
+        let Self { device, ahead, schedule, config, .. } = self;
+        let on_the_host = device.trains_on_the_host();
+        let train = || {
+            let mut draw = |count| schedule.online(count, config.latest_probability, weights, config);
+            amount.train(device.as_mut(), &mut draw).map(|(last, steps)| (last, steps, Instant::now()))
+        };
+        let (trained, ()) = if on_the_host { rayon::join(train, || ahead.prepare_one()) } else { (train(), ()) };
+        let (last, steps, trained) = trained?;
         let timing = KeyframeTiming {
             index,
             wait_s: begin.saturating_duration_since(received).as_secs_f64(),
@@ -296,12 +335,13 @@ impl Reconstructor {
             expand_s: (expanded - begin).as_secs_f64(),
             train_s: (trained - expanded).as_secs_f64(),
             late_s: 0.0,
+            steps: self.config.keyframe_budget_ms.map(|_| steps),
         };
         self.timings.push(timing);
         self.trained = Some(trained);
-        let late = expansion.late.filter(|_| steps.is_empty());
+        let late = expansion.late.filter(|_| steps == 0);
         let mut report = KeyframeReport { keyframes_expanded: 1, ..self.report(index) };
-        report.steps = expansion.late.map_or(0, |l| l.steps) + steps.len();
+        report.steps = expansion.late.map_or(0, |l| l.steps) + steps;
         report.set_losses(&late.map_or(last, |l| l.last));
         report.set_expansion(&expansion);
         Ok(Some(report))
@@ -316,7 +356,7 @@ impl Reconstructor {
 
     /// Takes the steps that the last keyframe has left to be taken while another is expanded, and none has come.
     fn take_late_steps(&mut self, report: &mut KeyframeReport) -> Result<()> {
-        let late = self.online_steps(self.config.overlapped_iterations);
+        let late = self.online_steps(self.config.overlapped_iterations());
         if !late.is_empty() {
             self.train(&late, report)?;
             self.end_timing(Instant::now());
@@ -327,7 +367,7 @@ impl Reconstructor {
     /// When each keyframe expanded so far was waiting, expanded and trained with, in order. The latest is missing while it has steps left to
     /// be taken while another is expanded.
     pub fn timings(&self) -> &[KeyframeTiming] {
-        let open = self.config.overlapped_iterations > 0 && !self.finished;
+        let open = self.config.overlapped_iterations() > 0 && !self.finished;
         &self.timings[..self.timings.len() - usize::from(open && !self.timings.is_empty())]
     }
 
@@ -369,16 +409,43 @@ impl Reconstructor {
         if !self.finished {
             return Err(Error::invalid("fine-tuning", "the sequence has not ended", "call Reconstructor::finish first"));
         }
-        let weights = if self.config.coupling == Coupling::Joint { self.online_weights() } else { self.second_stage_weights() };
         let mut last = StepReport::default();
         for epoch in 0..epochs {
-            let steps = self.schedule.epoch(weights, &self.config);
-            last = self.device.train(&steps)?;
+            last = self.epoch()?;
             if progress(epoch + 1, epochs).is_break() {
                 return Err(Error::Stopped);
             }
         }
         Ok(last)
+    }
+
+    /// The same for as long as `time` has room for another epoch like the one before, one at least; says how many there were. `progress` is
+    /// told the time spent. The result depends on the machine and its load.
+    ///
+    /// # Errors
+    /// Those of [`Self::fine_tune`].
+    pub fn fine_tune_for(&mut self, time: Duration, progress: &mut dyn FnMut(Duration) -> ControlFlow<()>) -> Result<usize> {
+        let begin = Instant::now();
+        let mut epochs = 0;
+        loop {
+            let before = begin.elapsed();
+            self.fine_tune(1, &mut |_, _| ControlFlow::Continue(()))?;
+            epochs += 1;
+            let spent = begin.elapsed();
+            if progress(spent).is_break() {
+                return Err(Error::Stopped);
+            }
+            if spent + (spent - before) > time {
+                return Ok(epochs);
+            }
+        }
+    }
+
+    /// Every keyframe once.
+    fn epoch(&mut self) -> Result<StepReport> {
+        let weights = if self.config.coupling == Coupling::Joint { self.online_weights() } else { self.second_stage_weights() };
+        let steps = self.schedule.epoch(weights, &self.config);
+        self.device.train(&steps)
     }
 
     /// The field as it stands, of what its keyframes have: reads the Gaussians back.

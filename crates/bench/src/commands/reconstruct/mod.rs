@@ -71,8 +71,15 @@ pub struct Reconstruct {
     #[arg(long, value_enum)]
     protocol: Option<Protocol>,
     /// Epochs of offline fine-tuning over all training keyframes after the last one.
-    #[arg(long)]
+    #[arg(long, value_name = "EPOCHS")]
     fine_tune: Option<usize>,
+    /// Time of fine-tuning instead, seconds: epochs while there is time. Two runs are then not the same.
+    #[arg(long, value_name = "SECONDS", conflicts_with = "fine_tune")]
+    fine_tune_s: Option<f64>,
+    /// Time of a keyframe, milliseconds, instead of a number of steps: expansion takes what it takes, and steps fill the rest. Two runs are then
+    /// not the same.
+    #[arg(long, value_name = "MS")]
+    budget_ms: Option<f64>,
     /// Go on with an unfinished run behind its last checkpoint; the result is that of a run without interruption, byte for byte on the
     /// processor. A finished run of the same command is left as it is.
     #[arg(long)]
@@ -143,6 +150,11 @@ impl Reconstruct {
         methods::merge(&mut table, assignments::table(&self.overrides)?);
         if let Some(epochs) = self.fine_tune {
             table.insert("fine_tune_epochs".to_owned(), toml::Value::Integer(i64::try_from(epochs)?));
+        }
+        for (key, time) in [("fine_tune_s", self.fine_tune_s), ("keyframe_budget_ms", self.budget_ms)] {
+            if let Some(time) = time {
+                table.insert(key.to_owned(), toml::Value::Float(time));
+            }
         }
         if let Some(file) = &self.from {
             ensure!(

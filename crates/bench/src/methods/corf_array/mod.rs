@@ -53,8 +53,8 @@ impl CorfArrayConfig {
         let light: toml::Table = own.context("in key light")?;
         let light = CorfGsConfig::parse(&light).context("in key light")?;
         ensure!(
-            light.fine_tune_epochs == 0 && light.initial_gaussians.is_none() && light.reconstruction.coupling == Coupling::Joint,
-            "light.fine_tune_epochs, light.initial_gaussians and light.coupling are stages of corf-gs\n  help: leave them out"
+            light.fine_tune_epochs == 0 && light.fine_tune_s.is_none() && light.reconstruction.keyframe_budget_ms.is_none() && light.initial_gaussians.is_none() && light.reconstruction.coupling == Coupling::Joint,
+            "light.fine_tune_epochs, light.fine_tune_s, light.keyframe_budget_ms, light.initial_gaussians and light.coupling are stages of corf-gs\n  help: leave them out"
         );
         let oracle_scene = rest.remove(ORACLE_SCENE).map_or_else(|| Ok(None), |v| v.try_into().map(Some));
         let oracle_scene: Option<PathBuf> = oracle_scene.with_context(|| format!("in key {ORACLE_SCENE}"))?;
