@@ -1,6 +1,7 @@
 //! The first Gaussians of an offline reconstruction: sparse points with colours. Published methods take them from structure from motion; here
 //! poses are known, so corners are triangulated with the neighbouring keyframes. The ray tracer's depth is not read.
 
+use corf_scene::words::counted;
 use super::nearest::mean_squared_distance_to_3;
 use crate::stage;
 use corf::{
@@ -92,7 +93,7 @@ pub fn random(poses: &[Rigid3], count: usize, half_side_m: f64, seed: u64) -> Ve
 /// Fewer than [`LEAST_POINTS`].
 pub fn gaussians(points: &[Point], none: Gaussians, initial_opacity: f32) -> Result<Gaussians> {
     if points.len() < LEAST_POINTS {
-        let what = format!("only {} corners could be triangulated", points.len());
+        let what = format!("only {} could be triangulated", counted(points.len(), "corner"));
         let help = "set initial_points = \"random\", or give overlapping images with structure";
         return Err(Error::invalid("the first Gaussians", what, help));
     }

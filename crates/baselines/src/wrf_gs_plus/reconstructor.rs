@@ -3,6 +3,7 @@
 //! A step depends on its number, the seed and the state of the trainer. Steps may be taken in portions of any size, and a reconstruction that goes
 //! on from a checkpoint ends in the same bytes.
 
+use corf_scene::words::counted;
 use super::field::{self, WrfGsPlusField};
 use super::{DeformedStep, Trainer, WrfGsPlusConfig};
 use crate::rf_3dgs::{DensityCounts, Epochs, control_density, log_linear, points};
@@ -112,7 +113,7 @@ impl WrfGsPlusReconstructor {
         }
         let extent_m = points::extent_m(&self.poses);
         if !(extent_m > 0.0 && extent_m.is_finite()) {
-            let what = format!("{} keyframes, all in one place", self.poses.len());
+            let what = format!("{}, all in one place", counted(self.poses.len(), "keyframe"));
             return Err(Error::invalid("the training keyframes", what, "give keyframes from several places"));
         }
         self.epochs = Some(Epochs::new(self.seed, self.poses.len(), STAGE));

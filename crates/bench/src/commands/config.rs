@@ -9,7 +9,8 @@ use crate::methods;
 use crate::radio_link::LinkConfig;
 use anyhow::Result;
 use clap::Args;
-use corf_scene::config::{DatasetConfig, SceneConfig, nearest};
+use corf_scene::config::{DatasetConfig, SceneConfig};
+use corf_scene::words::nearest;
 use schemars::{JsonSchema, schema_for};
 use serde_json::Value;
 

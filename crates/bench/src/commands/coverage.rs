@@ -1,5 +1,6 @@
 //! `corf coverage`: what transmitters reach on a plane: EXR, picture, numbers.
 
+use corf_scene::words::{counted, verb};
 use super::{Verdict, show};
 use crate::files::json::write_json;
 use crate::note;
@@ -73,7 +74,11 @@ impl Coverage {
         let near = Near::count(&setup, &plane);
         if near.doubtful > 0 {
             let what =
-                format!("{} cells are within 2 wavelengths of a transmitter, where the far-field law is inexact", near.doubtful);
+                format!(
+                "{} {} within 2 wavelengths of a transmitter, where the far-field law is inexact",
+                counted(near.doubtful, "cell"),
+                verb(near.doubtful, "is", "are")
+            );
             note!("{}", Finding::new(Severity::Warning, "coverage plane", what, "leave these cells out of statistics"));
         }
         let picture = CoveragePicture::new(&gain, &plane, setup.link.tx_power_dbm);

@@ -1,5 +1,6 @@
 //! `corf doctor`: what this program and this machine can do, and why they cannot do the rest.
 
+use corf_scene::words::counted;
 use super::{Verdict, show};
 use crate::metrics::lpips::{LpipsImages, LpipsNetworks, NO_WEIGHTS};
 use crate::record::provenance::Provenance;
@@ -96,7 +97,7 @@ impl Report {
         let features = if self.features.is_empty() { "none".to_owned() } else { self.features.join(", ") };
         let mut lines = vec![
             ("program", format!("corf {} (commit {}{dirty}), features: {features}", p.version, p.commit)),
-            ("processor", format!("{}, {} threads, {}", p.processor, p.threads, self.system)),
+            ("processor", format!("{}, {}, {}", p.processor, counted(p.threads, "thread"), self.system)),
             ("memory", format!("{} available", gigabytes(self.memory_available_bytes))),
             (
                 "disk",

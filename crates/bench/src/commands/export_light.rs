@@ -1,5 +1,6 @@
 //! `corf scene export --to mitsuba`: the scene's light, and the views to render it from.
 
+use corf_scene::words::counted;
 use super::{Verdict, show};
 use crate::note;
 use crate::render::poses::PoseFile;
@@ -102,14 +103,14 @@ pub fn write(scene: &Scene, views: Option<&Views>, folder: &Path) -> Result<Summ
 /// Standard output that cannot be written.
 pub fn report(summary: &Summary, out: &Path, json: bool) -> Result<Verdict> {
     let text = format!(
-        "{}: {} shapes, {} materials, {} textures, {} emitters, {} triangles, {} sensors",
+        "{}: {}, {}, {}, {}, {}, {}",
         out.display(),
-        summary.shapes,
-        summary.materials,
-        summary.textures,
-        summary.emitters,
-        summary.triangles,
-        summary.sensors
+        counted(summary.shapes, "shape"),
+        counted(summary.materials, "material"),
+        counted(summary.textures, "texture"),
+        counted(summary.emitters, "emitter"),
+        counted(summary.triangles, "triangle"),
+        counted(summary.sensors, "sensor")
     );
     show(json, summary, &text)?;
     Ok(Verdict::Done)

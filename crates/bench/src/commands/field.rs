@@ -1,5 +1,6 @@
 //! `corf field`: a reconstructed field for other programs.
 
+use corf_scene::words::counted;
 use super::{Verdict, show};
 use crate::files::separation::{Reads, keep_apart};
 use crate::methods::abilities;
@@ -170,7 +171,7 @@ impl Export {
             Frame::YUp => "turned so that y is up: (x, y, z) of the world is (x, z, -y), metres".to_owned(),
         };
         let sh_degree = if self.to == Form::Splat { 0 } else { gaussians.appearance.sh_degree };
-        let text = format!("{count} Gaussians of harmonic degree {sh_degree} in {}\n{axes}", self.out.display());
+        let text = format!("{} of harmonic degree {sh_degree} in {}\n{axes}", counted(count, "Gaussian"), self.out.display());
         said.iter().for_each(|word| note!("{word}"));
         let value = json!({
             "out": self.out, "format": self.to.name(), "gaussians": count, "sh_degree": sh_degree,

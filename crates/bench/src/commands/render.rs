@@ -1,5 +1,6 @@
 //! `corf render`: a reconstructed field at any poses.
 
+use corf_scene::words::counted;
 use super::{Verdict, show};
 use crate::charts::{self, ColourMap, Sensors};
 use crate::device::DeviceChoice;
@@ -221,7 +222,7 @@ impl Render {
             progress.set(i + 1, poses.len());
         }
         progress.finish();
-        let mut text = format!("{} views in {}", poses.len(), self.out.display());
+        let mut text = format!("{} in {}", counted(poses.len(), "view"), self.out.display());
         if let (Some(video), Some(file)) = (video, &self.video) {
             video.encode(&self.out.join(pictures.folder()), poses.len())?;
             text += &format!(", and as a video in {}", file.display());

@@ -1,5 +1,6 @@
 //! `corf scene`: build the lobby and the office, describe, check and export scenes.
 
+use corf_scene::words::counted;
 use super::export_light::{self, LightViews};
 use super::scene_new::New;
 use super::{Verdict, show};
@@ -239,13 +240,13 @@ impl Scene {
                 print_frame(&scene, Some(&config));
                 let summary = sionna::write(&scene, &config, poses, &out)?;
                 let text = format!(
-                    "{}: {} shapes, {} materials, {} triangles, {} vertices, {} poses",
+                    "{}: {}, {}, {}, {}, {}",
                     out.display(),
-                    summary.shapes,
-                    summary.materials,
-                    summary.triangles,
-                    summary.vertices,
-                    summary.poses
+                    counted(summary.shapes, "shape"),
+                    counted(summary.materials, "material"),
+                    counted(summary.triangles, "triangle"),
+                    counted(summary.vertices, "vertex"),
+                    counted(summary.poses, "pose")
                 );
                 show(json, &summary, &text)?;
                 Ok(Verdict::Done)

@@ -1,5 +1,6 @@
 //! A line for everything that happens to a keyframe, on standard error and in `live.jsonl`, and the record of the whole.
 
+use corf_scene::words::{counted, verb};
 use super::earlier::{Earlier, FILE};
 use super::inbox::{Notice, Tally};
 use super::outcome::{EndedBy, WhenBehind};
@@ -77,9 +78,9 @@ impl LiveRecord {
     pub fn summary(&self) -> String {
         let [median, p90] = [self.latency.median_s, self.latency.p90_s].map(|s| 1e3 * s);
         let mut text = format!(
-            "live: {} keyframes arrived, {} trained, {} held out, {} dropped, {} refused; ended by {}\nlatency from arrival to trained: median \
+            "live: {} arrived, {} trained, {} held out, {} dropped, {} refused; ended by {}\nlatency from arrival to trained: median \
              {median:.0} ms, P90 {p90:.0} ms; longest queue {}",
-            self.arrived,
+            counted(self.arrived, "keyframe"),
             self.trained,
             self.held_out,
             self.dropped.len(),
@@ -97,7 +98,7 @@ impl LiveRecord {
         );
         let DepthSources { files, network, matching } = self.depth;
         text +=
-            &format!("\ndepth of {files} keyframes from files, of {network} from a network, of {matching} from matching alone");
+            &format!("\ndepth of {} from files, of {network} from a network, of {matching} from matching alone", counted(files, "keyframe"));
         if self.resumed > 0 {
             text += &format!(
                 "\n{} of the keyframes came from an earlier session, whose recording they were trained from again",
@@ -278,7 +279,7 @@ impl Log {
             return Ok(());
         }
         self.warned_at = 2 * queue;
-        note!("BEHIND: {queue} keyframes wait; they come faster than this device takes them");
+        note!("BEHIND: {} {}; they come faster than this device takes them", counted(queue, "keyframe"), verb(queue, "waits", "wait"));
         self.line(&json!({ "event": "behind", "queue": queue, "at_s": self.start.elapsed().as_secs_f64() }))
     }
 

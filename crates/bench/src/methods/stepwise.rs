@@ -1,5 +1,6 @@
 //! Reconstructions that work in steps: portions that follow the clock, progress, checkpoints, interrupts.
 
+use corf_scene::words::counted;
 use crate::methods::interface::{Advance, Checkpoints, FieldReader};
 use crate::note;
 use anyhow::{Context, Result};
@@ -148,7 +149,7 @@ impl Checkpointer<'_> {
     fn explain(&self, error: anyhow::Error) -> anyhow::Error {
         match (self.checkpoints, self.kept) {
             (Some(c), Some(kept)) => {
-                error.context(format!("the last checkpoint, {}, holds {kept} steps: --resume goes on from it", c.path.display()))
+                error.context(format!("the last checkpoint, {}, holds {}: --resume goes on from it", c.path.display(), counted(kept, "step")))
             }
             _ => error,
         }

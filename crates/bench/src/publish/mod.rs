@@ -15,6 +15,7 @@ mod croissant;
 mod licence;
 mod shards;
 
+use corf_scene::words::counted;
 pub use licence::Licence;
 
 use crate::split::{Protocol, Split};
@@ -203,7 +204,7 @@ impl<'d> Publication<'d> {
     /// Keyframes, shards and splits, in words.
     pub fn summary(&self) -> String {
         let splits: Vec<String> = self.splits.iter().map(|s| format!("{} {}", s.keyframes.len(), s.name)).collect();
-        format!("{} keyframes ({})", self.dataset.len(), splits.join(", "))
+        format!("{} ({})", counted(self.dataset.len(), "keyframe"), splits.join(", "))
     }
 
     /// Flags without which a venue misses something, that were not given.

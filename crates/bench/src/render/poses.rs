@@ -1,5 +1,6 @@
 //! Poses to render from: read from files, or around a circle.
 
+use corf_scene::words::counted;
 use crate::files::json;
 use crate::note;
 use anyhow::{Context, Result, bail, ensure};
@@ -96,7 +97,7 @@ impl PoseFile {
             let whole = match *rows.as_slice() {
                 [a, b, c] => [a, b, c, [0.0, 0.0, 0.0, 1.0]],
                 [a, b, c, d] => [a, b, c, d],
-                _ => bail!("{place}: pose {i} has {} rows\n  help: give 4x4 matrices by rows", rows.len()),
+                _ => bail!("{place}: pose {i} has {}\n  help: give 4x4 matrices by rows", counted(rows.len(), "row")),
             };
             let (pose, off) = Rigid3::nearest(&whole, &format!("{place}: pose {i}"))?;
             rounded += usize::from(off > ROUNDED);
@@ -108,8 +109,8 @@ impl PoseFile {
         if rounded > 0 {
             let (off, i) = worst;
             note!(
-                "{place}: rotations of {rounded} of {} poses are rounded: that of pose {i} is {off:.1e} off one; the nearest were taken",
-                poses.len()
+                "{place}: rotations of {rounded} of {} are rounded: that of pose {i} is {off:.1e} off one; the nearest were taken",
+                counted(poses.len(), "pose")
             );
         }
         Ok(Self { path: path.to_owned(), poses, is_ours, sha256: io::sha256_hex(&io::read(path)?) })

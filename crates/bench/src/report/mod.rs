@@ -6,6 +6,7 @@ mod colours;
 mod pictures;
 mod plan_view;
 
+use corf_scene::words::counted;
 use crate::experiment::plan::{Plan, slug};
 use crate::files::escape::html as escape;
 use crate::metrics::Column;
@@ -163,7 +164,7 @@ fn all_metrics(records: &[Record]) -> String {
 fn provenance(report: &Report<'_>) -> String {
     let header = report.dataset.header();
     let mut lines =
-        vec![("dataset", format!("{} · {} keyframes · hash {}", header.name, report.dataset.len(), report.dataset.hash()))];
+        vec![("dataset", format!("{} · {} · hash {}", header.name, counted(report.dataset.len(), "keyframe"), report.dataset.hash()))];
     // What the cells were made with, not what writes this page; more than one line means they are not all from one build.
     let mut made_with: Vec<&Provenance> = Vec::new();
     for record in report.records {
@@ -177,7 +178,7 @@ fn provenance(report: &Report<'_>) -> String {
             "source",
             format!("corf {} · commit {}{changed} · Cargo.lock sha256 {}", p.version, p.commit, p.lockfile_sha256),
         ));
-        lines.push(("machine", format!("{} · {} threads", p.processor, p.threads)));
+        lines.push(("machine", format!("{} · {}", p.processor, counted(p.threads, "thread"))));
     }
     if let Some(record) = report.records.first() {
         let weights = record.lpips_weights.iter();

@@ -1,5 +1,6 @@
 //! Runs one cell: a method on a dataset with a seed. Keeps the clock and writes the record.
 
+use corf_scene::words::counted;
 use crate::methods::interface::{Advance, Method, Predictor, StageTime, TrainingSet};
 use crate::metrics::input::Input;
 use crate::metrics::{FrameMetrics, Prediction};
@@ -58,9 +59,10 @@ pub fn check_training(method: &dyn Method, dataset: &Dataset, split: &Split) -> 
     let (count, least) = (split.train.len(), method.least_keyframes());
     if count < least {
         bail!(
-            "{} needs at least {least} training keyframes, the dataset has {count}\n  help: generate more keyframes, or hold fewer out \
+            "{} needs at least {}, the dataset has {count}\n  help: generate more keyframes, or hold fewer out \
              (split.test_every)",
-            method.id()
+            method.id(),
+            counted(least, "training keyframe")
         );
     }
     Ok(())

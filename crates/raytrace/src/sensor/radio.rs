@@ -1,5 +1,6 @@
 //! The RF half of a keyframe: what a platform's array receives at a pose.
 
+use corf_scene::words::{counted, verb};
 use crate::radio::{
     Antenna, AntennaArray, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, PlanarArray, Polarization, RadioSettings,
     RadioTracer, Search, Transmitter, diffuse, json,
@@ -44,7 +45,8 @@ pub fn geometry_warnings(scene: &Scene, transmission: bool) -> Vec<Finding> {
 pub fn open_edges_note(tracer: &RadioTracer<'_>) -> Option<Finding> {
     let (count, length_m) = tracer.open_edges_left_out();
     (count > 0).then(|| {
-        let what = format!("{count} open edges of sheets, {length_m:.1} m in all, do not diffract");
+        let does = verb(count, "does", "do");
+        let what = format!("{} of sheets, {length_m:.1} m in all, {does} not diffract", counted(count, "open edge"));
         let help = "trace them with --edge-diffraction (edge_diffraction = true), or close the bodies that they belong to";
         Finding::new(Severity::Note, "diffraction", what, help)
     })

@@ -1,5 +1,6 @@
 //! From a capture to a data set.
 
+use crate::words::{counted, verb};
 use super::options::ImportOptions;
 use super::plan::Plan;
 use crate::dataset::{DatasetWriter, Extras, KeyframeContent};
@@ -65,7 +66,11 @@ impl LeftOut {
     fn note(&self) -> Option<String> {
         let [masks, pixels, of] = [&self.masks, &self.pixels, &self.of].map(|n| n.load(Ordering::Relaxed));
         (pixels > 0).then(|| {
-            format!("{:.1} % of the pixels of the {masks} images with masks do not count", 100.0 * pixels as f64 / of as f64)
+            format!(
+                "{:.1} % of the pixels of the {} with masks do not count",
+                100.0 * pixels as f64 / of as f64,
+                counted(masks as usize, "image")
+            )
         })
     }
 
@@ -73,7 +78,7 @@ impl LeftOut {
     fn finding(&self) -> Option<Finding> {
         let [masks, pixels] = [&self.masks, &self.pixels].map(|n| n.load(Ordering::Relaxed));
         (masks > 0 && pixels == 0).then(|| {
-            let what = format!("the masks of {masks} images leave no pixel out");
+            let what = format!("{} {} no pixel out", counted(masks as usize, "mask"), verb(masks as usize, "leaves", "leave"));
             Finding::new(
                 Severity::Warning,
                 "masks",

@@ -1,6 +1,7 @@
 //! `scenes/*.toml`: which mesh, which carrier, where the transmitter stands, what the receiver is, how the platform moves.
 
-use super::{ReceiverConfig, TransmitterConfig, nearest, read_toml};
+use crate::words::nearest;
+use super::{ReceiverConfig, TransmitterConfig, read_toml};
 use crate::contained::Reach;
 use crate::import::{ImportOptions, UpAxis};
 use crate::radio_spec::RadioSpec;

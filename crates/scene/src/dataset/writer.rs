@@ -1,5 +1,6 @@
 //! Writing a dataset keyframe by keyframe, so that an interrupted run can go on where it stopped.
 
+use crate::words::counted;
 use super::checks::check_spectrum;
 use super::conventions;
 use super::darkness::{self, Sight};
@@ -254,7 +255,7 @@ impl DatasetWriter {
         frame: &KeyframeContent,
     ) -> Result<()> {
         if pose.index != self.len() {
-            let what = format!("it is to follow {} keyframes", self.len());
+            let what = format!("it is to follow {}", counted(self.len(), "keyframe"));
             return Err(Error::invalid(format!("keyframe {}", pose.index), what, "append keyframes in order"));
         }
         self.header.poses.push(pose);
@@ -313,7 +314,7 @@ impl DatasetWriter {
     fn write(&self, index: usize, frame: &KeyframeContent, appended: Option<Appended>) -> Result<()> {
         let place = format!("keyframe {index}");
         if index >= self.len() {
-            return Err(Error::invalid(place, format!("the dataset has {} keyframes", self.len()), "indices count from 0"));
+            return Err(Error::invalid(place, format!("the dataset has {}", counted(self.len(), "keyframe")), "indices count from 0"));
         }
         if self.finished {
             return Ok(());

@@ -5,6 +5,7 @@
 //! differ in their normal or texture coordinate alone are shared, since edges are found by shared vertices. Materials are written with
 //! their numbers, never with an ITU name: Sionna RT looks those up by itself.
 
+use crate::words::{counted, verb};
 use super::ply;
 use crate::config::SceneConfig;
 use crate::itu;
@@ -250,7 +251,7 @@ fn poses(config: &SceneConfig, count: usize) -> Result<Vec<PoseEntry>> {
     let Some(way) = &config.trajectory else {
         return Err(Error::invalid(
             config.source.display().to_string(),
-            format!("{count} poses were asked for, and there is no [trajectory]"),
+            format!("{} {} asked for, and there is no [trajectory]", counted(count, "pose"), verb(count, "was", "were")),
             "add one, or ask for no poses",
         ));
     };

@@ -1,5 +1,6 @@
 //! From one primitive's arrays to the scene's flat list of triangles.
 
+use crate::words::counted;
 use super::ImportReport;
 use crate::model::{Scene, Triangle};
 use crate::{Error, Result, far};
@@ -146,7 +147,7 @@ fn check(p: &Primitive, place: &str) -> Result<()> {
         if count != 0 && count != n {
             return Err(Error::invalid(
                 place,
-                format!("{what} has {count} values for {n} positions"),
+                format!("{what} has {} for {}", counted(count, "value"), counted(n, "position")),
                 "every attribute needs one value a vertex; export the model again",
             ));
         }

@@ -1,5 +1,6 @@
 //! `corf bench plan`, `cell`, `submit` and `collect`: a comparison's cells run apart.
 
+use corf_scene::words::counted;
 use super::super::{Verdict, show};
 use crate::comparison::{archive, suite};
 use crate::device::DeviceChoice;
@@ -111,7 +112,7 @@ impl PlanCommand {
             .iter()
             .map(|cell| format!("{}  {}, seed {}, {}", cell.id, cell.row, cell.seed, cell.split.name()))
             .collect();
-        let text = format!("{}\n{} cells, {unfinished} of them to run", lines.join("\n"), lines.len());
+        let text = format!("{}\n{}, {unfinished} to run", lines.join("\n"), counted(lines.len(), "cell"));
         show(as_json, &planned.list, &text)?;
         Ok(Verdict::Done)
     }
@@ -201,8 +202,8 @@ impl Collect {
         let same = rebuilt.differing.is_empty();
         let text = if same {
             format!(
-                "{} records in {}, tables and report byte for byte those of the archive",
-                rebuilt.records.len(),
+                "{} in {}, tables and report byte for byte those of the archive",
+                counted(rebuilt.records.len(), "record"),
                 out.display()
             )
         } else {

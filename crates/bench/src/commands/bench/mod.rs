@@ -10,6 +10,7 @@ mod radio;
 mod scale;
 mod step;
 
+use corf_scene::words::counted;
 use self::cells::{CellCommand, Collect, PlanCommand, Submit};
 use super::{Verdict, print, show};
 use crate::comparison::suite;
@@ -261,7 +262,7 @@ impl Pack {
             all.extend(records);
         }
         packed.finish()?;
-        let text = format!("{} records in {}", all.len(), self.out.display());
+        let text = format!("{} in {}", counted(all.len(), "record"), self.out.display());
         show(json, &serde_json::json!({ "records": all.len(), "out": self.out }), &text)?;
         Ok(Verdict::Done)
     }

@@ -1,5 +1,6 @@
 //! `corf dataset export`: a data set's keyframes in the layouts of other programs.
 
+use corf_scene::words::counted;
 use super::super::{Verdict, show};
 use crate::files::separation::{Reads, keep_apart};
 use crate::metrics::input::{Input, Verify};
@@ -133,7 +134,7 @@ impl Export {
     }
 
     fn report(&self, dataset: &Dataset, json: bool) -> Result<Verdict> {
-        let text = format!("{} keyframes in {}", dataset.len(), self.out.display());
+        let text = format!("{} in {}", counted(dataset.len(), "keyframe"), self.out.display());
         show(json, &serde_json::json!({ "keyframes": dataset.len(), "out": self.out }), &text)?;
         Ok(Verdict::Done)
     }

@@ -1,5 +1,6 @@
 //! `corf dataset import`: a capture that others' programs made becomes a data set.
 
+use corf_scene::words::counted;
 use super::super::{Verdict, show};
 use crate::files::separation::{Reads, is_same, keep_apart};
 use crate::note;
@@ -288,7 +289,7 @@ impl Import {
         report.notes.iter().for_each(|line| note!("{line}"));
         messages::findings(report.findings);
         messages::findings(dataset.far_finding());
-        let mut text = format!("{}: {} keyframes", self.out.display(), dataset.len());
+        let mut text = format!("{}: {}", self.out.display(), counted(dataset.len(), "keyframe"));
         text += if dataset.modalities().light { ", images" } else { ", no images" };
         text += if dataset.has_depth() {
             " with depth"

@@ -1,5 +1,6 @@
 //! `corf dataset play`: a data set as if it were being captured.
 
+use corf_scene::words::counted;
 use super::super::{Verdict, show};
 use crate::files::output::is_leftover;
 use crate::files::separation::{Reads, keep_apart};
@@ -96,7 +97,7 @@ impl Play {
         show(
             json,
             &serde_json::json!({ "keyframes": count, "seconds": seconds, "latest_s": latest_s, "to": self.to }),
-            &format!("{count} keyframes in {seconds:.1} s into {}", self.to.display()),
+            &format!("{} in {seconds:.1} s into {}", counted(count, "keyframe"), self.to.display()),
         )?;
         Ok(Verdict::Done)
     }

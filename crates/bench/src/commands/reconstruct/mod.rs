@@ -2,6 +2,7 @@
 
 mod follow;
 
+use corf_scene::words::counted;
 use self::follow::Follow;
 use super::{Verdict, assignments, show};
 use crate::charts::{self, ColourMap};
@@ -317,13 +318,13 @@ impl Drop for Begun {
 }
 
 fn summary(info: &RunInfo) -> String {
-    let gaussians = info.gaussians.map_or(String::new(), |g| format!(", {g} Gaussians"));
+    let gaussians = info.gaussians.map_or(String::new(), |g| format!(", {}", counted(g, "Gaussian")));
     let mut text = format!("{} in {:.2} s on {}{gaussians}", info.method, info.seconds, info.device);
     if info.resumed_keyframes > 0 {
-        text += &format!("; {} keyframes came from a checkpoint", info.resumed_keyframes);
+        text += &format!("; {} came from a checkpoint", counted(info.resumed_keyframes, "keyframe"));
     }
     if info.resumed_steps > 0 {
-        text += &format!("; {} steps came from a checkpoint", info.resumed_steps);
+        text += &format!("; {} came from a checkpoint", counted(info.resumed_steps, "step"));
     }
     if let Some(quality) = info.curve.last().and_then(|point| point.held_out) {
         let decibels = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.2} dB"));

@@ -1,5 +1,6 @@
 //! Keyframe after keyframe through a reconstructor, with checkpoints on the way.
 
+use corf_scene::words::counted;
 use crate::methods::interface::{Advance, Checkpoints, FieldReader, TrainingSet, shown};
 use crate::methods::stepwise::report_unless_kept;
 use anyhow::{Context, Result};
@@ -143,7 +144,7 @@ impl Checkpointer {
         match (&self.checkpoints, self.kept) {
             (Some(c), Some(kept)) if error.is::<corf::Error>() => {
                 let survives =
-                    format!("the last checkpoint, {}, holds {kept} keyframes: --resume goes on from it", c.path.display());
+                    format!("the last checkpoint, {}, holds {}: --resume goes on from it", c.path.display(), counted(kept, "keyframe"));
                 error.context(survives)
             }
             _ => error,

@@ -7,6 +7,7 @@
 
 mod config;
 
+use crate::words::counted;
 use crate::config::SceneConfig;
 use crate::finding::Finding;
 use crate::parts::{self, Part};
@@ -107,9 +108,9 @@ fn hole_findings(scene: &Scene, parts: &[Part]) -> Vec<Finding> {
     let finding = |(object, (part, at)): (u32, (&Part, DVec3))| {
         let place = format!("{}: object \"{}\"", scene.name, scene.objects[object as usize].name);
         let what = format!(
-            "a body of {:.2} m² with a hole: {} open edges, one of them at ({:.3}, {:.3}, {:.3})",
+            "a body of {:.2} m² with a hole: {}, one of them at ({:.3}, {:.3}, {:.3})",
             part.area_m2,
-            part.rim.len(),
+            counted(part.rim.len(), "open edge"),
             at.x,
             at.y,
             at.z

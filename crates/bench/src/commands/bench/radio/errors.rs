@@ -8,6 +8,7 @@
 //! Spread shows no bias. Where outliers are cut ([`DiffuseSettings::outlier_share`]), a reference that cuts none and looks along more
 //! directions shows it: the distance of the samplings' means. That is blurred by both means' own errors, so it comes out too large as well.
 
+use corf_scene::words::counted;
 use super::{AT_ONCE, Platform, power};
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
@@ -267,8 +268,8 @@ impl Errors {
     /// The errors as lines for a reader.
     pub(in crate::commands) fn text(&self) -> Vec<String> {
         let mut lines = vec![format!(
-            "standard error ({} samplings, {} positions): total {:.3} dB, diffuse {:.3} dB at worst, {:.3} dB rms",
-            self.replicas, self.positions, self.total_worst_db, self.diffuse_worst_db, self.diffuse_rms_db
+            "standard error ({}, {}): total {:.3} dB, diffuse {:.3} dB at worst, {:.3} dB rms",
+            counted(self.replicas as usize, "sampling"), counted(self.positions, "position"), self.total_worst_db, self.diffuse_worst_db, self.diffuse_rms_db
         )];
         if let (Some(median), Some(share), Some(p99), Some(worst), Some(position), Some(all)) = (
             self.pixel_median_db,

@@ -5,6 +5,7 @@
 
 mod errors;
 
+use corf_scene::words::counted;
 use super::super::spectrum::Kind;
 use super::super::{Verdict, show};
 use crate::radio_link::{PathArgs, ScatteringArgs, path_args_over};
@@ -329,13 +330,13 @@ impl Answer {
     fn text(&self) -> String {
         let mut lines = vec![
             format!(
-                "{}: {} positions, depth {}, {}, {} triangles, {} threads",
+                "{}: {}, depth {}, {}, {}, {}",
                 self.config,
-                self.positions,
+                counted(self.positions, "position"),
                 self.depth,
                 if self.powers { "powers" } else { self.spectrum.name() },
-                self.triangles,
-                self.threads
+                counted(self.triangles, "triangle"),
+                counted(self.threads, "thread")
             ),
             self.sampling_text(),
             format!("{:<22} {:>9} {:>9}", "stage", "wall s", "cpu s"),
