@@ -1,8 +1,8 @@
 //! Which keyframes train and which are evaluated.
 
-use corf_scene::words::counted;
 use anyhow::{Result, bail};
 use corf_scene::dataset::Dataset;
+use corf_scene::words::counted;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -11,9 +11,9 @@ mod nearest;
 pub(crate) mod points;
 mod schedule;
 
-use corf_scene::words::counted;
 pub use checkpoint::Rf3dgsCheckpoint;
 pub use config::{InitialPoints, RadioBackground, RadioMoments, Rf3dgsConfig, Rf3dgsRates};
+use corf_scene::words::counted;
 pub use density::{DensityChange, DensityConfig, DensityCounts, decide};
 pub use points::{LEAST_POINTS, Point, write_ply};
 pub use schedule::Rf3dgsSchedule;

@@ -1,7 +1,6 @@
 //! The first Gaussians of an offline reconstruction: sparse points with colours. Published methods take them from structure from motion; here
 //! poses are known, so corners are triangulated with the neighbouring keyframes. The ray tracer's depth is not read.
 
-use corf_scene::words::counted;
 use super::nearest::mean_squared_distance_to_3;
 use crate::stage;
 use corf::{
@@ -10,6 +9,7 @@ use corf::{
     depth::{self, GreyView},
     gaussians::{SH_C0, logit},
 };
+use corf_scene::words::counted;
 use corf_scene::{Light, Pinhole, Raster, Rigid3, Rng, io::write_atomic};
 use glam::DVec3;
 use std::path::Path;

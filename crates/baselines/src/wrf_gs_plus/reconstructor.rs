@@ -3,12 +3,12 @@
 //! A step depends on its number, the seed and the state of the trainer. Steps may be taken in portions of any size, and a reconstruction that goes
 //! on from a checkpoint ends in the same bytes.
 
-use corf_scene::words::counted;
 use super::field::{self, WrfGsPlusField};
 use super::{DeformedStep, Trainer, WrfGsPlusConfig};
 use crate::rf_3dgs::{DensityCounts, Epochs, control_density, log_linear, points};
 use corf::device::{DenseStep, Modality, Planes, Step, StepReport, TrainingView};
 use corf::{Error, FieldMeta, Result};
+use corf_scene::words::counted;
 use corf_scene::{Keyframe, Pinhole, Rigid3, keyframe::DbRange};
 
 /// Number of its stage among those that visit views in epochs (RF-3DGS's are 0 and 1).

@@ -1,6 +1,5 @@
 //! `corf coverage`: what transmitters reach on a plane: EXR, picture, numbers.
 
-use corf_scene::words::{counted, verb};
 use super::{Verdict, show};
 use crate::files::json::write_json;
 use crate::note;
@@ -13,6 +12,7 @@ use anyhow::Result;
 use clap::Args;
 use corf_raytrace::radio::DiffuseSettings;
 use corf_raytrace::radio::coverage::{CoveragePlane, coverage, strongest};
+use corf_scene::words::{counted, verb};
 use corf_scene::{Error, Finding, Raster, Severity, io, near_field};
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -73,8 +73,7 @@ impl Coverage {
         }
         let near = Near::count(&setup, &plane);
         if near.doubtful > 0 {
-            let what =
-                format!(
+            let what = format!(
                 "{} {} within 2 wavelengths of a transmitter, where the far-field law is inexact",
                 counted(near.doubtful, "cell"),
                 verb(near.doubtful, "is", "are")

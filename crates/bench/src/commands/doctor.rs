@@ -1,6 +1,5 @@
 //! `corf doctor`: what this program and this machine can do, and why they cannot do the rest.
 
-use corf_scene::words::counted;
 use super::{Verdict, show};
 use crate::metrics::lpips::{LpipsImages, LpipsNetworks, NO_WEIGHTS};
 use crate::record::provenance::Provenance;
@@ -9,6 +8,7 @@ use crate::scenes::oidn::{LIBRARY_VARIABLE, Oidn};
 use anyhow::Result;
 use clap::Args;
 use corf_scene::bounds;
+use corf_scene::words::counted;
 use serde::Serialize;
 use std::path::PathBuf;
 

@@ -1,6 +1,5 @@
 //! `corf scene export --to mitsuba`: the scene's light, and the views to render it from.
 
-use corf_scene::words::counted;
 use super::{Verdict, show};
 use crate::note;
 use crate::render::poses::PoseFile;
@@ -8,6 +7,7 @@ use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use corf_scene::export::mitsuba::{self, Summary, Views};
+use corf_scene::words::counted;
 use corf_scene::{Pinhole, Rigid3, Scene, trajectory};
 use std::path::Path;
 
@@ -69,7 +69,7 @@ impl LightViews {
                 let poses = trajectory::generate_between(way, dataset.keyframes, dataset.way)?;
                 ((o.width, o.height, o.horizontal_fov_deg), world_from_camera(poses))
             }
-            Err(_) => (DEFAULT_CAMERA, PoseFile::read(Path::new(poses))?.as_they_are()),
+            Err(_) => (DEFAULT_CAMERA, PoseFile::read(Path::new(poses))?.as_they_are()?),
         };
         camera = (self.width.unwrap_or(camera.0), self.height.unwrap_or(camera.1), self.fov.unwrap_or(camera.2));
         let (width, height, fov_deg) = camera;

@@ -1,6 +1,5 @@
 //! `corf render`: a reconstructed field at any poses.
 
-use corf_scene::words::counted;
 use super::{Verdict, show};
 use crate::charts::{self, ColourMap, Sensors};
 use crate::device::DeviceChoice;
@@ -18,6 +17,7 @@ use clap::{Args, ValueEnum};
 use corf_scene::color::quantize8;
 use corf_scene::dataset::Dataset;
 use corf_scene::io::sha256_hex;
+use corf_scene::words::counted;
 use corf_scene::{Pinhole, Raster, Rigid3, io};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

@@ -1,6 +1,5 @@
 //! `corf scene new`: a stub scene file for a mesh.
 
-use corf_scene::words::counted;
 use super::{Verdict, show};
 use crate::files::separation::{Reads, keep_apart};
 use crate::note;
@@ -11,6 +10,7 @@ use anyhow::{Context, Result};
 use clap::Args;
 use corf_scene::config::UpAxis;
 use corf_scene::import::{self, ImportOptions};
+use corf_scene::words::counted;
 use corf_scene::{Error, io, radio_check};
 use std::path::{Component, Path, PathBuf};
 

@@ -1,6 +1,5 @@
 //! `corf spectrum`: angular spectra at one pose, as numbers and as pictures.
 
-use corf_scene::words::counted;
 use super::{Verdict, show};
 use crate::charts::{self, ColourMap};
 use crate::files::json::write_json;
@@ -18,6 +17,7 @@ use corf_raytrace::spectrum::{Grid, SpectrumSettings, share_in_frame};
 use corf_scene::config::{SceneConfig, SpectrumConfig, SpectrumKind, TransmitterConfig};
 use corf_scene::dataset::{EQUIRECTANGULAR_AXES, Quantity};
 use corf_scene::keyframe::DbRange;
+use corf_scene::words::counted;
 use corf_scene::{Equirectangular, Error, Pinhole, Raster, Rigid3, Scene, bounds, io};
 use glam::DVec3;
 use serde_json::{Value, json};

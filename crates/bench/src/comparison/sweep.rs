@@ -5,7 +5,6 @@
 //! OUT/sweep.md     what each change gains, dataset by dataset and over all
 //! ```
 
-use corf_scene::words::counted;
 use crate::comparison::suite;
 use crate::device::Backend;
 use crate::experiment::plan::{Plan, PlanRow, slug};
@@ -19,6 +18,7 @@ use crate::split::Protocol;
 use crate::table::{Place, TOO_FEW_MARK};
 use anyhow::{Context, Result, bail};
 use corf_scene::io::write_atomic;
+use corf_scene::words::counted;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;

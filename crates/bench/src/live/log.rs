@@ -1,12 +1,12 @@
 //! A line for everything that happens to a keyframe, on standard error and in `live.jsonl`, and the record of the whole.
 
-use corf_scene::words::{counted, verb};
 use super::earlier::{Earlier, FILE};
 use super::inbox::{Notice, Tally};
 use super::outcome::{EndedBy, WhenBehind};
 use crate::note;
 use anyhow::{Context, Result};
 use corf::{KeyframeTiming, LatencySummary, Percentiles};
+use corf_scene::words::{counted, verb};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::fs::File;
@@ -97,8 +97,10 @@ impl LiveRecord {
             if self.fell_behind { "FELL BEHIND" } else { "kept up" }
         );
         let DepthSources { files, network, matching } = self.depth;
-        text +=
-            &format!("\ndepth of {} from files, of {network} from a network, of {matching} from matching alone", counted(files, "keyframe"));
+        text += &format!(
+            "\ndepth of {} from files, of {network} from a network, of {matching} from matching alone",
+            counted(files, "keyframe")
+        );
         if self.resumed > 0 {
             text += &format!(
                 "\n{} of the keyframes came from an earlier session, whose recording they were trained from again",
@@ -279,7 +281,11 @@ impl Log {
             return Ok(());
         }
         self.warned_at = 2 * queue;
-        note!("BEHIND: {} {}; they come faster than this device takes them", counted(queue, "keyframe"), verb(queue, "waits", "wait"));
+        note!(
+            "BEHIND: {} {}; they come faster than this device takes them",
+            counted(queue, "keyframe"),
+            verb(queue, "waits", "wait")
+        );
         self.line(&json!({ "event": "behind", "queue": queue, "at_s": self.start.elapsed().as_secs_f64() }))
     }
 

@@ -1,12 +1,12 @@
 //! Gaussians of another program that a method begins with.
 
-use corf_scene::words::counted;
 use crate::methods::interface::TrainingSet;
 use crate::note;
 use anyhow::{Result, ensure};
 use corf::expansion::initial::{RadioView, coupled, in_view};
 use corf::files::ply::{self, ForeignField};
 use corf::{Antialias, Gaussians, RadioTarget};
+use corf_scene::words::counted;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 

@@ -1,12 +1,12 @@
 //! Poses to render from: read from files, or around a circle.
 
-use corf_scene::words::counted;
 use crate::files::json;
 use crate::note;
 use anyhow::{Context, Result, bail, ensure};
 use clap::ValueEnum;
 use corf_scene::dataset::Dataset;
 use corf_scene::transform::ROUNDED;
+use corf_scene::words::counted;
 use corf_scene::{Rigid3, Similarity3, bounds, io};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -122,8 +122,20 @@ impl PoseFile {
     }
 
     /// The `world_from_camera` of every pose, as the file has them: its frame is taken for the world.
-    pub fn as_they_are(self) -> Vec<Rigid3> {
-        self.poses
+    ///
+    /// # Errors
+    /// A position beyond [`bounds::MAX_COORDINATE_M`]; more poses than a data set has ([`bounds::MAX_KEYFRAMES`]).
+    pub fn as_they_are(self) -> Result<Vec<Rigid3>> {
+        let (place, count) = (self.path.display(), self.poses.len());
+        ensure!(
+            count <= bounds::MAX_KEYFRAMES,
+            "{place} names {count} poses\n  help: give at most {}, and the rest in further files",
+            bounds::MAX_KEYFRAMES
+        );
+        for (i, pose) in self.poses.iter().enumerate() {
+            bounds::position(&format!("{place}: pose {i}"), pose.translation)?;
+        }
+        Ok(self.poses)
     }
 
     /// The `world_from_camera` of every pose in the world of a data set, and the frame that the file is in: that which is `stated`, or what the
@@ -245,7 +257,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("poses.json");
         std::fs::write(&path, text).unwrap();
-        PoseFile::read(&path).map(PoseFile::as_they_are)
+        PoseFile::read(&path).and_then(PoseFile::as_they_are)
     }
 
     fn is_rigid(pose: &Rigid3) -> bool {
@@ -276,6 +288,12 @@ mod tests {
         for text in ["{}", "[]", "{\"frames\": []}", "[[[1,0,0,0],[0,2,0,0],[0,0,1,0],[0,0,0,1]]]", "[[[1,0,0,0],[0,1,0,0]]]"] {
             assert!(read(text).is_err(), "{text}");
         }
+        // Metres that no room has, and more poses than any data set.
+        let said = read("[[[1,0,0,0],[0,1,0,2e6],[0,0,1,0]]]").unwrap_err().to_string();
+        assert!(said.contains("poses.json: pose 0") && said.contains("1e6"), "{said}");
+        let many = vec!["[[1,0,0,0],[0,1,0,0],[0,0,1,0]]"; bounds::MAX_KEYFRAMES + 1].join(",");
+        let said = read(&format!("[{many}]")).unwrap_err().to_string();
+        assert!(said.contains("names 100001 poses") && said.contains("100000"), "{said}");
         // The last row may be left out, and three decimals are enough.
         let read = read("[[[0.878,-0.479,0,1],[0.479,0.878,0,2],[0,0,1,3]]]").unwrap();
         assert!(is_rigid(&read[0]) && read[0].translation == DVec3::new(1.0, 2.0, 3.0));

@@ -6,7 +6,6 @@ mod colours;
 mod pictures;
 mod plan_view;
 
-use corf_scene::words::counted;
 use crate::experiment::plan::{Plan, slug};
 use crate::files::escape::html as escape;
 use crate::metrics::Column;
@@ -19,6 +18,7 @@ use crate::table::{self, Mark};
 use anyhow::Result;
 use corf_scene::dataset::Dataset;
 use corf_scene::io::write_atomic;
+use corf_scene::words::counted;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -163,8 +163,10 @@ fn all_metrics(records: &[Record]) -> String {
 
 fn provenance(report: &Report<'_>) -> String {
     let header = report.dataset.header();
-    let mut lines =
-        vec![("dataset", format!("{} · {} · hash {}", header.name, counted(report.dataset.len(), "keyframe"), report.dataset.hash()))];
+    let mut lines = vec![(
+        "dataset",
+        format!("{} · {} · hash {}", header.name, counted(report.dataset.len(), "keyframe"), report.dataset.hash()),
+    )];
     // What the cells were made with, not what writes this page; more than one line means they are not all from one build.
     let mut made_with: Vec<&Provenance> = Vec::new();
     for record in report.records {

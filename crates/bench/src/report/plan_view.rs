@@ -1,9 +1,9 @@
 //! The room from above, put together from what the keyframes saw, with transmitter and trajectory.
 
-use corf_scene::words::counted;
 use super::Report;
 use crate::charts::png_uri;
 use anyhow::Result;
+use corf_scene::words::counted;
 use corf_scene::{Light, Raster};
 use glam::DVec3;
 use std::fmt::Write;

@@ -1,6 +1,5 @@
 //! Runs one cell: a method on a dataset with a seed. Keeps the clock and writes the record.
 
-use corf_scene::words::counted;
 use crate::methods::interface::{Advance, Method, Predictor, StageTime, TrainingSet};
 use crate::metrics::input::Input;
 use crate::metrics::{FrameMetrics, Prediction};
@@ -16,6 +15,7 @@ use corf::depth::DepthQuality;
 use corf::{KeyframeTiming, LatencySummary};
 use corf_scene::Keyframe;
 use corf_scene::dataset::Dataset;
+use corf_scene::words::counted;
 use std::time::{Duration, Instant};
 
 /// A finished reconstruction and what the clock says of it.
@@ -130,8 +130,9 @@ pub fn clocked(
     let seconds = seconds_but(evaluating);
     let peak_memory_bytes = peak_memory_bytes();
     if let Some(quality) = quality {
-        // The finished field, as `corf evaluate` will find it.
+        // The finished field, as `corf evaluate` will find it; what was said at the end of the work is of the same moment.
         let held_out = Some(quality.of(predictor.as_mut())?);
+        curve.retain(|point| point.progress < 1.0);
         curve.push(CurvePoint { seconds, progress: 1.0, gaussians: predictor.gaussians(), held_out });
     }
     Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes, keyframes, depth, stages, resumed_steps })

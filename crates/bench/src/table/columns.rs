@@ -155,8 +155,8 @@ fn metrics_of(words: &[&str]) -> Result<Vec<&'static Column>> {
                 None => {
                     let keys: Vec<&str> = COLUMNS.iter().map(|c| c.key).collect();
                     let others: Vec<&str> = GROUPS.iter().map(|g| g.0).chain(Extra::ALL.iter().map(|e| e.0)).collect();
-                    let meant =
-                        nearest(key, keys.iter().chain(&others).copied()).map_or(String::new(), |near| format!("; did you mean {near}?"));
+                    let meant = nearest(key, keys.iter().chain(&others).copied())
+                        .map_or(String::new(), |near| format!("; did you mean {near}?"));
                     bail!("no column is called {key}{meant}\n  help: give {}, or keys of {}", others.join(", "), keys.join(", "))
                 }
             },

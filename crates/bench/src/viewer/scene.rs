@@ -1,6 +1,5 @@
 //! What the page has to know before it draws anything.
 
-use corf_scene::words::counted;
 use super::points;
 use super::splats::{self, FieldLayout};
 use super::subject::{Role, Run, Subject, Work};
@@ -13,6 +12,7 @@ use corf_scene::Pinhole;
 use corf_scene::color::{jet, quantize8};
 use corf_scene::dataset::Quantity;
 use corf_scene::keyframe::{DbRange, Modalities};
+use corf_scene::words::counted;
 use serde::Serialize;
 
 /// Colours of a ramp.

@@ -1,6 +1,5 @@
 //! The RF half of a keyframe: what a platform's array receives at a pose.
 
-use corf_scene::words::{counted, verb};
 use crate::radio::{
     Antenna, AntennaArray, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, PlanarArray, Polarization, RadioSettings,
     RadioTracer, Search, Transmitter, diffuse, json,
@@ -12,6 +11,7 @@ use corf_scene::config::{
 use corf_scene::dataset::SamplingError;
 use corf_scene::model::world_from_array;
 use corf_scene::trajectory::TrajectoryPose;
+use corf_scene::words::{counted, verb};
 use corf_scene::{Equirectangular, Finding, Pinhole, Raster, Result, Rigid3, Scene, Severity, near_field, radio_check};
 use glam::DMat3;
 use std::collections::BTreeMap;

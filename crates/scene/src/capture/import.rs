@@ -1,10 +1,10 @@
 //! From a capture to a data set.
 
-use crate::words::{counted, verb};
 use super::options::ImportOptions;
 use super::plan::Plan;
 use crate::dataset::{DatasetWriter, Extras, KeyframeContent};
 use crate::finding::{Finding, Severity};
+use crate::words::{counted, verb};
 use crate::{Error, Light, Radio, Raster, Result, io};
 use rayon::prelude::*;
 use std::path::Path;

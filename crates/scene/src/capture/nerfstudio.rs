@@ -6,11 +6,11 @@
 //! as Instant-NGP reads them; an axis of which nothing is said has the other's focal length. `applied_transform` and `orientation_override` say how
 //! the file came about and how it is to be shown; matrices are taken as they are.
 
-use crate::words::{counted, verb};
 use super::lens::Lens;
 use super::rounding::Rounding;
 use super::{Capture, Lists, Shot, json, names};
 use crate::contained::{self, Reach};
+use crate::words::{counted, verb};
 use crate::{Error, Pinhole, Result, Rigid3, bounds, io};
 use serde::Deserialize;
 use std::collections::BTreeMap;

@@ -1,6 +1,5 @@
 //! All that is decided about an import before its first pixel is written.
 
-use crate::words::{counted, verb};
 use super::frame::WorldFromCapture;
 use super::lens::{self, Lens};
 use super::names::Folder;
@@ -11,6 +10,7 @@ use crate::dataset::{ColoredPoint, DatasetHeader, Imported, Quantity};
 use crate::io::{self, Stored};
 use crate::keyframe::Modalities;
 use crate::trajectory::TrajectoryPose;
+use crate::words::{counted, verb};
 use crate::{Error, Pinhole, Result, bounds};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -362,7 +362,10 @@ fn transparency(options: &ImportOptions, shots: &[Shot], notes: &mut Vec<String>
     if count > 0 {
         let all = shots.len();
         notes.push(if options.ignore_masks {
-            format!("the transparency of {count} of {} was left out: all pixels count, as the colour below", counted(all, "image"))
+            format!(
+                "the transparency of {count} of {} was left out: all pixels count, as the colour below",
+                counted(all, "image")
+            )
         } else {
             format!(
                 "{count} of {} {} transparent pixels: those that are not wholly opaque are neither learnt from nor compared",

@@ -1,6 +1,5 @@
 //! Reading a dataset.
 
-use crate::words::counted;
 use super::checks::{check_spectrum, own_file};
 use super::conventions::Conventions;
 use super::file::DatasetFile;
@@ -8,6 +7,7 @@ use super::header::{DATASET_SCHEMA, DatasetHeader, Imported, Summary, from_json,
 use super::{foreign, layout};
 use crate::keyframe::{DbRange, Light, Modalities, Radio};
 use crate::trajectory::TrajectoryPose;
+use crate::words::counted;
 use crate::{Error, Finding, Keyframe, Pinhole, Raster, Result, Similarity3, bounds, far, io};
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,5 @@
 //! Writing a dataset keyframe by keyframe, so that an interrupted run can go on where it stopped.
 
-use crate::words::counted;
 use super::checks::check_spectrum;
 use super::conventions;
 use super::darkness::{self, Sight};
@@ -12,6 +11,7 @@ use super::{identity, layout, leftovers};
 use crate::finding::Finding;
 use crate::keyframe::{DbRange, Light, Radio};
 use crate::trajectory::TrajectoryPose;
+use crate::words::counted;
 use crate::{Error, Raster, Result, Rigid3, io};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -314,7 +314,11 @@ impl DatasetWriter {
     fn write(&self, index: usize, frame: &KeyframeContent, appended: Option<Appended>) -> Result<()> {
         let place = format!("keyframe {index}");
         if index >= self.len() {
-            return Err(Error::invalid(place, format!("the dataset has {}", counted(self.len(), "keyframe")), "indices count from 0"));
+            return Err(Error::invalid(
+                place,
+                format!("the dataset has {}", counted(self.len(), "keyframe")),
+                "indices count from 0",
+            ));
         }
         if self.finished {
             return Ok(());

@@ -5,12 +5,12 @@
 //! differ in their normal or texture coordinate alone are shared, since edges are found by shared vertices. Materials are written with
 //! their numbers, never with an ITU name: Sionna RT looks those up by itself.
 
-use crate::words::{counted, verb};
 use super::ply;
 use crate::config::SceneConfig;
 use crate::itu;
 use crate::model::{Permittivity, RadioMaterial, world_from_array};
 use crate::radio_spec::{PatternName, RadioSpec};
+use crate::words::{counted, verb};
 use crate::{Error, Result, Scene, io, trajectory};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};

@@ -1,8 +1,8 @@
 //! From one primitive's arrays to the scene's flat list of triangles.
 
-use crate::words::counted;
 use super::ImportReport;
 use crate::model::{Scene, Triangle};
+use crate::words::counted;
 use crate::{Error, Result, far};
 use glam::{DMat3, DMat4, DVec3, Vec3};
 

@@ -1,8 +1,8 @@
 //! Contents of a scene in numbers, and findings of its validation.
 
-use crate::words::{counted, verb};
 use crate::finding::{Finding, Severity};
 use crate::model::{LightMaterial, Scene};
+use crate::words::{counted, verb};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -109,7 +109,10 @@ impl std::fmt::Display for SceneInfo {
         writeln!(
             f,
             "  {}, {}, {}, {:.1} m² of surface",
-            counted(self.objects, "object"), counted(self.triangles, "triangle"), counted(self.vertices, "vertex"), self.area_m2
+            counted(self.objects, "object"),
+            counted(self.triangles, "triangle"),
+            counted(self.vertices, "vertex"),
+            self.area_m2
         )?;
         if let Some([min, max]) = self.bounds_m {
             let size: Vec<String> = min.iter().zip(max).map(|(a, b)| format!("{:.2}", b - a)).collect();
@@ -129,7 +132,9 @@ impl std::fmt::Display for SceneInfo {
         writeln!(
             f,
             "  {} ({:.2} m²), {}",
-            counted(self.emissive_triangles, "emissive triangle"), self.emissive_area_m2, counted(self.punctual_lights, "punctual light")
+            counted(self.emissive_triangles, "emissive triangle"),
+            self.emissive_area_m2,
+            counted(self.punctual_lights, "punctual light")
         )?;
         let width = self.materials.iter().map(|m| m.name.chars().count()).max().unwrap_or(0).max(8);
         writeln!(f, "  {:width$} {:>9} {:>10}  radio", "material", "triangles", "area m²")?;
@@ -197,7 +202,12 @@ fn check_numbers(scene: &Scene, findings: &mut Vec<Finding>) {
     if scene.normals.len() != n || scene.uvs.len() != n {
         findings.push(Finding::error(
             name,
-            format!("{}, {}, {}", counted(n, "position"), counted(scene.normals.len(), "normal"), counted(scene.uvs.len(), "texture coordinate")),
+            format!(
+                "{}, {}, {}",
+                counted(n, "position"),
+                counted(scene.normals.len(), "normal"),
+                counted(scene.uvs.len(), "texture coordinate")
+            ),
             "every vertex needs one of each",
         ));
         return;

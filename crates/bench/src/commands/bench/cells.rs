@@ -1,6 +1,5 @@
 //! `corf bench plan`, `cell`, `submit` and `collect`: a comparison's cells run apart.
 
-use corf_scene::words::counted;
 use super::super::{Verdict, show};
 use crate::comparison::{archive, suite};
 use crate::device::DeviceChoice;
@@ -16,6 +15,7 @@ use crate::run::{claim_fresh, claim_output, claim_shared};
 use anyhow::Result;
 use clap::Args;
 use corf_scene::Error;
+use corf_scene::words::counted;
 use serde_json::json;
 use std::path::PathBuf;
 

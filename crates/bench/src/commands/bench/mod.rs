@@ -10,7 +10,6 @@ mod radio;
 mod scale;
 mod step;
 
-use corf_scene::words::counted;
 use self::cells::{CellCommand, Collect, PlanCommand, Submit};
 use super::{Verdict, print, show};
 use crate::comparison::suite;
@@ -30,6 +29,7 @@ use crate::terminal;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use corf_scene::io::{read, write_atomic};
+use corf_scene::words::counted;
 use std::path::{Path, PathBuf};
 
 /// Run plans, write tables and reports.

@@ -1,6 +1,5 @@
 //! `corf dataset export`: a data set's keyframes in the layouts of other programs.
 
-use corf_scene::words::counted;
 use super::super::{Verdict, show};
 use crate::files::separation::{Reads, keep_apart};
 use crate::metrics::input::{Input, Verify};
@@ -19,6 +18,7 @@ use corf_scene::export::nerfstudio::Nerfstudio;
 use corf_scene::export::rf_3dgs::Rf3dgs;
 use corf_scene::export::{File, FolderExport};
 use corf_scene::io::write_atomic;
+use corf_scene::words::counted;
 use std::path::PathBuf;
 
 /// `corf dataset export`.

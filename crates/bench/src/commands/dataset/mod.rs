@@ -5,7 +5,6 @@ mod import;
 mod play;
 mod publish;
 
-use corf_scene::words::counted;
 use self::export::Export;
 use self::import::Import;
 use self::play::Play;
@@ -18,6 +17,7 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use corf_scene::Severity;
 use corf_scene::dataset::{self, Dataset};
+use corf_scene::words::counted;
 use std::path::PathBuf;
 
 /// Generate, import, export, publish, play or check a keyframe dataset.

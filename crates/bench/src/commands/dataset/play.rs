@@ -1,6 +1,5 @@
 //! `corf dataset play`: a data set as if it were being captured.
 
-use corf_scene::words::counted;
 use super::super::{Verdict, show};
 use crate::files::output::is_leftover;
 use crate::files::separation::{Reads, keep_apart};
@@ -13,6 +12,7 @@ use clap::Args;
 use corf_scene::dataset::{Dataset, stem};
 use corf_scene::io::{encode_cut_out, read, read_png, write_atomic};
 use corf_scene::live::{DEPTH, DESCRIPTION, END, IMAGES, LiveDescription, POSES, SPECTRA, pose_text};
+use corf_scene::words::counted;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 

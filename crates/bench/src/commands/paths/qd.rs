@@ -1,6 +1,5 @@
 //! `corf paths --format qd`: a link along a way, for network simulators.
 
-use corf_scene::words::counted;
 use super::{Format, Paths, scenario};
 use crate::commands::Verdict;
 use crate::note;
@@ -9,6 +8,7 @@ use crate::run::claim_fresh;
 use anyhow::Result;
 use corf_raytrace::radio::export::{QdForm, qd_scenario};
 use corf_raytrace::radio::{Antenna, AntennaPattern, DiffuseSettings, SPEED_OF_LIGHT};
+use corf_scene::words::counted;
 use corf_scene::{Error, bounds, io, trajectory};
 use glam::DVec3;
 
@@ -44,7 +44,8 @@ impl Paths {
         let mut setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
         setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
         if setup.transmitters.len() != 1 {
-            let what = format!("{}: ns-3 asks for the channels between them as well", counted(setup.transmitters.len(), "transmitter"));
+            let what =
+                format!("{}: ns-3 asks for the channels between them as well", counted(setup.transmitters.len(), "transmitter"));
             return Err(Error::invalid("--tx", what, "write a folder for each").into());
         }
         scenario::check(&setup, "ns-3", "its codebook the array")?;

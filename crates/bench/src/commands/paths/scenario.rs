@@ -1,10 +1,10 @@
 //! `corf paths --format deepmimo`: a folder that DeepMIMO loads. What it cannot hold, no other program's scenario can.
 
-use corf_scene::words::counted;
 use crate::note;
 use crate::radio_link::LinkSetup;
 use anyhow::Result;
 use corf_raytrace::radio::export::{PathSet, deepmimo_scenario};
+use corf_scene::words::counted;
 use corf_scene::{Error, io};
 use std::path::Path;
 

@@ -1,10 +1,10 @@
 //! Keyframe after keyframe through a reconstructor, with checkpoints on the way.
 
-use corf_scene::words::counted;
 use crate::methods::interface::{Advance, Checkpoints, FieldReader, TrainingSet, shown};
 use crate::methods::stepwise::report_unless_kept;
 use anyhow::{Context, Result};
 use corf::{Checkpoint, KeyframeTiming, Reconstructor};
+use corf_scene::words::counted;
 use std::cell::RefCell;
 use std::path::Path;
 use std::time::Instant;
@@ -143,8 +143,11 @@ impl Checkpointer {
     pub fn explain(&self, error: anyhow::Error) -> anyhow::Error {
         match (&self.checkpoints, self.kept) {
             (Some(c), Some(kept)) if error.is::<corf::Error>() => {
-                let survives =
-                    format!("the last checkpoint, {}, holds {}: --resume goes on from it", c.path.display(), counted(kept, "keyframe"));
+                let survives = format!(
+                    "the last checkpoint, {}, holds {}: --resume goes on from it",
+                    c.path.display(),
+                    counted(kept, "keyframe")
+                );
                 error.context(survives)
             }
             _ => error,

@@ -118,7 +118,9 @@ impl<'a> FreeSpace<'a> {
         space.clear_m = free.into_iter().map(|(cell, clear, _)| (cell, clear)).collect();
         if space.clear_m.is_empty() {
             let what = match ceiling_over(&space, min, max) {
-                Some(room_m) => format!("{room_m:.2} m are between floor and ceiling, and the sensor stands {height_m:.2} m high"),
+                Some(room_m) => {
+                    format!("{room_m:.2} m are between floor and ceiling, and the sensor stands {height_m:.2} m high")
+                }
                 None => format!("nowhere on the floor at {floor_m:.2} m is room for a platform {height_m:.2} m high"),
             };
             let help =

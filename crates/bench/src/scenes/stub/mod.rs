@@ -4,11 +4,11 @@ mod free_space;
 mod materials;
 mod preview;
 
-use corf_scene::words::verb;
 use crate::terminal::progress::Stage;
 use corf_raytrace::bvh::Bvh;
 use corf_scene::config::UpAxis;
 use corf_scene::trajectory::TrajectoryConfig;
+use corf_scene::words::verb;
 use corf_scene::{Error, Result, Scene};
 use free_space::{FreeSpace, rounded};
 use glam::DVec3;
@@ -127,7 +127,9 @@ fn usual_height_m(mesh_m: f64) -> f64 {
 /// An error about a room with what is strange about its height, where anything is: more likely than all else it is the unit.
 fn with_doubt(error: Error, space: &FreeSpace<'_>) -> Error {
     match (error, space.doubtful_height()) {
-        (Error::Invalid { place, what, help }, Some(doubt)) => Error::Invalid { place, what, help: format!("{doubt} Otherwise {help}") },
+        (Error::Invalid { place, what, help }, Some(doubt)) => {
+            Error::Invalid { place, what, help: format!("{doubt} Otherwise {help}") }
+        }
         (error, _) => error,
     }
 }

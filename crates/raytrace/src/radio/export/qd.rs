@@ -14,9 +14,9 @@
 //! without propagation, which the delay brings. Delays are therefore written with all their digits; of two steps they differ by the
 //! change of the path's length over c, and h turns at the Doppler shift −f·dτ/dt.
 
-use corf_scene::words::counted;
 use super::PathSet;
 use crate::radio::{Angles, Path};
+use corf_scene::words::counted;
 use corf_scene::{Error, Result};
 use glam::DVec3;
 use serde_json::json;

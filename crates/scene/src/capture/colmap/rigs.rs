@@ -3,8 +3,8 @@
 //! The pose of an image is `camera_from_world = sensor_from_rig ∘ rig_from_world`: the sensor's place on the rig from `rigs`, that of the rig from
 //! `frames`. A rig's reference sensor is the rig's own frame. Poses in `images` are derived from these and are not used where there are frames.
 
-use crate::words::{counted, verb};
 use super::{Image, Pose};
+use crate::words::{counted, verb};
 use crate::{Error, Result, Rigid3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -173,7 +173,12 @@ impl Rigs {
             ));
         }
         for ((rig, sensor), count) in without {
-            notes.push(format!("rig {rig} does not say where its {sensor} is: {} {} no pose and {} left out", counted(count, "image"), verb(count, "has", "have"), verb(count, "was", "were")));
+            notes.push(format!(
+                "rig {rig} does not say where its {sensor} is: {} {} no pose and {} left out",
+                counted(count, "image"),
+                verb(count, "has", "have"),
+                verb(count, "was", "were")
+            ));
         }
         if let Some((id, (frame, ..))) = taken.first_key_value() {
             notes.push(format!(

@@ -1,8 +1,8 @@
 //! A scene file held against its scene, before anything is traced.
 
-use crate::words::{counted, verb};
 use super::{material_findings, placement_findings, refuse};
 use crate::config::SceneConfig;
+use crate::words::{counted, verb};
 use crate::{Error, Result, Scene, Severity};
 
 impl SceneConfig {

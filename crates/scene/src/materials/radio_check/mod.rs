@@ -7,11 +7,11 @@
 
 mod config;
 
-use crate::words::counted;
 use crate::config::SceneConfig;
 use crate::finding::Finding;
 use crate::parts::{self, Part};
 use crate::solids::Solids;
+use crate::words::counted;
 use crate::{Error, Result, Scene, Severity, near_field, trajectory};
 use glam::DVec3;
 use std::collections::BTreeMap;

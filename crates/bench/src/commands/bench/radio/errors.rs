@@ -8,7 +8,6 @@
 //! Spread shows no bias. Where outliers are cut ([`DiffuseSettings::outlier_share`]), a reference that cuts none and looks along more
 //! directions shows it: the distance of the samplings' means. That is blurred by both means' own errors, so it comes out too large as well.
 
-use corf_scene::words::counted;
 use super::{AT_ONCE, Platform, power};
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
@@ -16,6 +15,7 @@ use anyhow::Result;
 use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Transmitter};
 use corf_raytrace::spectrum::SpectrumSettings;
 use corf_scene::trajectory::TrajectoryPose;
+use corf_scene::words::counted;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -269,7 +269,11 @@ impl Errors {
     pub(in crate::commands) fn text(&self) -> Vec<String> {
         let mut lines = vec![format!(
             "standard error ({}, {}): total {:.3} dB, diffuse {:.3} dB at worst, {:.3} dB rms",
-            counted(self.replicas as usize, "sampling"), counted(self.positions, "position"), self.total_worst_db, self.diffuse_worst_db, self.diffuse_rms_db
+            counted(self.replicas as usize, "sampling"),
+            counted(self.positions, "position"),
+            self.total_worst_db,
+            self.diffuse_worst_db,
+            self.diffuse_rms_db
         )];
         if let (Some(median), Some(share), Some(p99), Some(worst), Some(position), Some(all)) = (
             self.pixel_median_db,

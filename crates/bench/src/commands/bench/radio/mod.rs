@@ -5,7 +5,6 @@
 
 mod errors;
 
-use corf_scene::words::counted;
 use super::super::spectrum::Kind;
 use super::super::{Verdict, show};
 use crate::radio_link::{PathArgs, ScatteringArgs, path_args_over};
@@ -22,6 +21,7 @@ use corf_raytrace::spectrum;
 use corf_scene::Rigid3;
 use corf_scene::config::{DatasetConfig, ReceiverConfig, SpectrumKind};
 use corf_scene::trajectory;
+use corf_scene::words::counted;
 use cpu_time::ProcessTime;
 use errors::{Errors, Study};
 use rayon::prelude::*;
