@@ -55,7 +55,7 @@ pub fn check_tables(given: &toml::Table, keys: &[Key]) -> Result<()> {
                 let last = |known: &Key| known.key[name.len() + 1..].to_owned();
                 let within: Vec<String> = keys.iter().filter(of_table).map(last).filter(|key| !key.contains('.')).collect();
                 bail!(
-                    "--set {name}={value}: {name} is a table, and has no value of its own\n  help: set a key of it, as {name}.{}={value}; its keys: {}",
+                    "--set {name}={value}: {name} is a table, and has no value of its own\n  help: set a key of it, as {name}.{}=VALUE; its keys: {}",
                     within.first().map_or("KEY", String::as_str),
                     within.join(", ")
                 );
