@@ -153,7 +153,7 @@ fn image(bytes: &[u8], folder: &Path) -> Result<()> {
 
 /// Poses that are not rigid are as bad as a panic.
 fn poses(bytes: &[u8], folder: &Path) -> Result<()> {
-    for pose in corf_bench::render::poses::PoseFile::read(&put(folder, "poses.json", bytes)?)?.as_they_are() {
+    for pose in corf_bench::render::poses::PoseFile::read(&put(folder, "poses.json", bytes)?)?.as_they_are()? {
         let [x, y, z] = [pose.rotation.x_axis, pose.rotation.y_axis, pose.rotation.z_axis];
         let off = [x.length() - 1.0, y.length() - 1.0, z.length() - 1.0, x.dot(y), y.dot(z), z.dot(x)];
         assert!(pose.translation.is_finite() && off.iter().all(|v| v.abs() < 1e-9) && pose.rotation.determinant() > 0.0);

@@ -123,3 +123,29 @@ fn published_tables_are_rebuilt_from_their_records() {
         }
     }
 }
+
+/// Two files tell indexes what this is: both say what the workspace says, and neither says more than the other.
+#[test]
+fn the_citation_and_codemeta_state_the_same() {
+    let cff = std::fs::read_to_string(root().join("CITATION.cff")).unwrap();
+    let cargo: toml::Table = std::fs::read_to_string(root().join("Cargo.toml")).unwrap().parse().unwrap();
+    let package = &cargo["workspace"]["package"];
+    let codemeta: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(root().join("codemeta.json")).unwrap()).unwrap();
+    // A key of the file itself begins its line; those of the article that it prefers are indented.
+    let cited = |key: &str| cff.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix(": ")).map(|v| v.trim_matches('"'));
+    let stated = |key: &str| codemeta.get(key).map(|value| value.as_str().unwrap());
+    for (of_cff, of_codemeta) in
+        [("title", "name"), ("abstract", "description"), ("version", "version"), ("repository-code", "codeRepository")]
+    {
+        assert_eq!(cited(of_cff), stated(of_codemeta), "{of_cff}");
+    }
+    assert_eq!(stated("version"), package["version"].as_str());
+    assert_eq!(stated("codeRepository"), package.get("repository").and_then(|repository| repository.as_str()));
+    let licences: Vec<&str> = cited("license").unwrap().trim_matches(['[', ']']).split(", ").collect();
+    assert_eq!(licences.join(" OR "), package["license"].as_str().unwrap());
+    let of_codemeta: Vec<&str> = codemeta["license"].as_array().unwrap().iter().map(|url| url.as_str().unwrap()).collect();
+    assert_eq!(of_codemeta, licences.iter().map(|id| format!("https://spdx.org/licenses/{id}")).collect::<Vec<_>>());
+    let article = cff.lines().find_map(|line| line.strip_prefix("  title: ")).unwrap().trim_matches('"');
+    assert_eq!(codemeta["referencePublication"]["name"], article);
+}

@@ -384,7 +384,7 @@ fn transparency_is_seen_in_every_layout() {
         dataset.keyframe(1).unwrap().light.unwrap().mask == Some(both)
             && dataset.keyframe(2).unwrap().light.unwrap().mask == Some(counts(2))
     );
-    assert!(said.contains("1 masks belong to no image"), "{said}");
+    assert!(said.contains("1 mask belongs to no image"), "{said}");
     // Nothing left, and a mask of which nothing can be known.
     let glass = io::encode_cut_out(&picture(2), &Raster::filled(SIZE[0], SIZE[1], false)).unwrap();
     fs::write(at("colmap/images/2.png"), glass).unwrap();

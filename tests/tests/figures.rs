@@ -47,7 +47,10 @@ fn evaluations_on_the_way_are_a_curve_and_change_nothing_else() {
     assert!(quality(evaluated[2], "psnr_opt") > quality(evaluated[0], "psnr_opt"), "{curve:?}");
     let seconds: Vec<f64> = curve.iter().map(|point| point["seconds"].as_f64().unwrap()).collect();
     assert!(seconds.windows(2).all(|pair| pair[0] <= pair[1]), "{seconds:?}");
-    assert!(said.contains("held-out PSNR of the finished field"), "{said}");
+    assert!(curve.iter().filter(|point| point["progress"] == 1.0).count() == 1, "one point of the end: {curve:?}");
+    let (spectrum, image) = (quality(evaluated[2], "psnr_rf_scalar"), quality(evaluated[2], "psnr_opt"));
+    let line = format!("held-out keyframes: PSNR spectrum (dB) {spectrum:.2} dB, PSNR image {image:.2} dB");
+    assert!(said.contains(&line), "{said}");
     let figure = texts(&watched.join("quality.svg"));
     for name in ["held-out PSNR of the spectrum (dB)", "held-out PSNR of the image", "Gaussians", "time, s"] {
         assert!(figure.iter().any(|text| text == name), "{name}: {figure:?}");
@@ -91,6 +94,38 @@ fn evaluations_on_the_way_are_a_curve_and_change_nothing_else() {
     assert!(resumed.status.success() && notes.contains("corf evaluate") && notes.contains("no curve of quality"), "{notes}");
 }
 
+/// Of methods whose field is no Gaussians of light and radio as well: a network, Gaussians that a network deforms, sources that an array sees.
+#[test]
+fn every_method_that_reconstructs_has_a_curve_and_keeps_its_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    for (method, files, settings) in [
+        ("nerf2", &["nerf2"][..], &["iterations=3", "width=16", "rays=4", "samples=8"][..]),
+        ("wrf-gs-plus", &["wrf-gs-plus"], &["iterations=12"]),
+        ("corf-array", &["array", "coupled.ply"], &["light.iterations_per_keyframe=5"]),
+    ] {
+        let run = |name: &str, more: &[&str]| {
+            let out = folder.path().join(format!("{method}-{name}"));
+            let mut arguments =
+                vec!["reconstruct", text(tiny_dataset()), "--method", method, "--device", "cpu", "--out", text(&out)];
+            settings.iter().for_each(|setting| arguments.extend(["--set", setting]));
+            corf_ok(&[&arguments[..], more].concat());
+            out
+        };
+        let (alone, watched) = (run("alone", &[]), run("watched", &["--evaluate-every", "2"]));
+        for file in files {
+            let [one, other] = [&alone, &watched].map(|run| fs::read(run.join(file)).unwrap());
+            assert!(one == other, "{method}: {file} differs");
+        }
+        let curve = json(&watched.join("run.json"))["curve"].as_array().unwrap().clone();
+        let evaluated: Vec<&Value> = curve.iter().filter(|point| point.get("held_out").is_some()).collect();
+        // NeRF² reports every two seconds, and may have ended before the first.
+        let least = if method == "nerf2" { 1 } else { 2 };
+        assert!(evaluated.len() >= least, "{method}: {curve:?}");
+        assert!(evaluated.iter().all(|point| point["held_out"]["psnr_rf_scalar"].as_f64().unwrap() > 0.0), "{method}: {curve:?}");
+        assert!(watched.join("quality.svg").is_file());
+    }
+}
+
 #[test]
 fn figures_that_cannot_be_and_evaluations_of_nothing_are_refused_before_any_work() {
     let folder = tempfile::tempdir().unwrap();
@@ -102,7 +137,7 @@ fn figures_that_cannot_be_and_evaluations_of_nothing_are_refused_before_any_work
     refused(&["--evaluate-every", "0"], &["evaluations every 0", "1 or more"]);
     refused(&["--evaluate-every", "2", "--protocol", "all"], &["none is left to evaluate"]);
     refused(&["--figure", "x.svg", "--protocol", "all"], &["none is left to evaluate"]);
-    refused(&["--evaluate-every", "2", "--method", "nearest"], &["nearest", "no field", "corf-gs"]);
+    refused(&["--evaluate-every", "2", "--method", "nearest"], &["nearest", "no field", "looks its predictions up", "corf-gs"]);
     refused(&["--figure", "x.png"], &["x.png", "ends in .svg"]);
     refused(&["--colours", "jet"], &["--figure"]);
     let within = tiny_dataset().join("figure.svg");
@@ -152,7 +187,7 @@ fn a_plan_draws_quality_over_time_into_its_report_and_renderings_have_figures() 
         let record = json(&out.join(format!("cells/{row}-seed1.json")));
         record["curve"].as_array().unwrap().iter().filter(|point| point.get("held_out").is_some()).count()
     };
-    assert_eq!((evaluated("ours"), evaluated("nearest")), (3, 0), "after four and eight keyframes, and at the end");
+    assert_eq!((evaluated("ours"), evaluated("nearest")), (2, 0), "after four of eight keyframes, and at the end");
 
     let views = folder.path().join("views");
     let model = out.join("models/ours");

@@ -82,7 +82,9 @@ fn what_only_its_maker_knows_has_to_be_said() {
         croissant.get("rai:dataLimitations").is_none()
             && !fs::read_to_string(out.join("croissant.json")).unwrap().contains("spectrum")
     );
-    assert!(fs::read_to_string(out.join("README.md")).unwrap().contains("**Limits.** Not stated."));
+    let card = fs::read_to_string(out.join("README.md")).unwrap();
+    assert!(card.contains("**Limits.** Not stated.") && card.contains("![Images](contact-sheet.png)"), "{card}");
+    assert!(!["pectr", "room", "GHz", "radio", "OpenEXR"].iter().any(|word| card.contains(word)), "{card}");
     // A file that is another than the recorded one is not published.
     let damaged = folder.path().join("damaged");
     copy_folder(tiny_dataset(), &damaged);

@@ -167,12 +167,21 @@ fn meshes_that_are_no_rooms_in_metres_are_refused_with_what_to_do() {
     };
     refused(&room_with_table(1000.0, &[]), &[], &["mesh.obj", "diagonal", "metres"]);
     refused(&room_with_table(0.1, &[]), &[], &["diagonal", "metres"]);
+    // Centimetres, in which no loop is found: the height says what is wrong.
+    refused(&room_with_table(100.0, &[]), &[], &["260.00 m are between floor and ceiling", "another unit", "--height"]);
     refused(&room_with_table(1.0, &[]), &["--height", "50"], &["--height"]);
     refused(&room_with_table(1.0, &[]), &["--height", "2.55"], &["between floor and ceiling"]);
     refused(&room_with_table(1.0, &[]), &["--out", "room.txt"], &["room.txt", ".toml"]);
     let mut walls = String::from("# walls\n");
     add_box(&mut walls, "walls", "wall", [0.0; 3], [6.0, 5.0, 2.6], true, &[4, 5]);
     refused(&walls, &[], &["no floor", "--up"]);
+    // A sheet of floor is as high as nothing, and the sensor stands over it as anywhere.
+    let mut sheet = String::from("# a floor\n");
+    add_box(&mut sheet, "floor", "wood", [0.0; 3], [6.0, 5.0, 0.0], true, &[0, 1, 2, 3, 5]);
+    let floor = folder.path().join("floor.obj");
+    fs::write(&floor, sheet).unwrap();
+    corf_ok(&["scene", "new", text(&floor)]);
+    assert!(fs::read_to_string(folder.path().join("floor.toml")).unwrap().contains("\nheight_m = 1.5\n"));
     // Without a ceiling it is told; the table in the middle is gone round.
     let (open, scene) = (folder.path().join("open.obj"), folder.path().join("open.toml"));
     fs::write(&open, room_with_table(1.0, &[5])).unwrap();

@@ -1,6 +1,5 @@
 //! The `corf` command. Exit codes: 0 done, 1 a check failed, 2 the input was bad, 130 interrupted.
 
-use clap::Parser;
 use clap::error::{ContextKind, ContextValue};
 use corf_bench::commands::{Arguments, Verdict};
 use corf_bench::note;
@@ -26,7 +25,7 @@ fn keep_freed_memory() {
 fn main() -> ExitCode {
     keep_freed_memory();
     interrupt::outlive_file_size_limit();
-    let arguments = match Arguments::try_parse() {
+    let arguments = match Arguments::of(std::env::args_os()) {
         Ok(arguments) => arguments,
         Err(answer) => return report(with_suggestion(answer)),
     };
@@ -44,20 +43,16 @@ fn main() -> ExitCode {
     }
 }
 
-/// An error about a choice with the choice that was meant, where clap itself finds none that is near enough.
+/// An error about a choice with the choice that was meant, by the rule of keys and columns instead of clap's own.
 fn with_suggestion(mut answer: clap::Error) -> clap::Error {
-    let has = |kind| answer.get(kind).is_some();
-    let kinds = [ContextKind::SuggestedValue, ContextKind::SuggestedSubcommand, ContextKind::SuggestedArg];
     let (given, known) = (answer.get(ContextKind::InvalidValue), answer.get(ContextKind::ValidValue));
     let near = match (given, known) {
-        (Some(ContextValue::String(given)), Some(ContextValue::Strings(known))) if !kinds.into_iter().any(has) => {
+        (Some(ContextValue::String(given)), Some(ContextValue::Strings(known))) => {
             nearest(given, known.iter().map(String::as_str)).map(str::to_owned)
         }
-        _ => None,
+        _ => return answer,
     };
-    if let Some(near) = near {
-        answer.insert(ContextKind::SuggestedValue, ContextValue::String(near));
-    }
+    answer.insert(ContextKind::SuggestedValue, near.map_or(ContextValue::None, ContextValue::String));
     answer
 }
 
@@ -142,7 +137,7 @@ mod tests {
         let text = message(&error);
         assert!(text.ends_with("`steps`\n  help: did you mean `steps`?"), "{text}");
         let said = |arguments: &[&str]| {
-            let Err(answer) = Arguments::try_parse_from(arguments) else { panic!("{arguments:?}") };
+            let Err(answer) = Arguments::of(arguments) else { panic!("{arguments:?}") };
             with_suggestion(answer).to_string()
         };
         for (arguments, meant) in [
@@ -155,6 +150,28 @@ mod tests {
             assert!(said(arguments).contains(meant), "{}", said(arguments));
         }
         assert!(!said(&["corf", "paths", "s.toml", "--format", "qqqqqq"]).contains("similar"));
+    }
+
+    #[test]
+    fn a_negative_number_is_a_value_and_no_flag() {
+        let said = |arguments: &[&str]| Arguments::of(arguments).err().map(|answer| with_suggestion(answer).to_string());
+        for (arguments, flag) in [
+            (&["corf", "reconstruct", "d", "--out", "o", "--seed", "-5"][..], "'--seed <SEED>'"),
+            (&["corf", "paths", "s.toml", "--rx-trajectory", "-3"], "'--rx-trajectory <N>'"),
+            (&["corf", "--threads", "-2", "doctor"], "'--threads <N>'"),
+            (&["corf", "bench", "step", "--steps", "-1"], "'--steps "),
+        ] {
+            let said = said(arguments).unwrap();
+            assert!(said.contains("invalid value '-") && said.contains(flag) && !said.contains("-- -"), "{said}");
+        }
+        // Where a number may be negative it is taken, one in exponents and several as well.
+        for arguments in [
+            &["corf", "scene", "new", "m.obj", "--height", "-1.5"][..],
+            &["corf", "coverage", "s.toml", "--out", "o", "--height", "-1e-1", "--tx-power-dbm", "-3"],
+            &["corf", "dataset", "import", "c", "--from", "colmap", "--out", "o", "--rf-db", "-70,-10"],
+        ] {
+            assert_eq!(said(arguments), None);
+        }
     }
 
     #[test]

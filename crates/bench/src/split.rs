@@ -2,6 +2,7 @@
 
 use anyhow::{Result, bail};
 use corf_scene::dataset::Dataset;
+use corf_scene::words::counted;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -90,11 +91,11 @@ impl Split {
         };
         if held_out.is_empty() && protocol != Protocol::All {
             bail!(
-                "{}: the {} protocol leaves no keyframe to evaluate (test_every = {every}, {} keyframes)\n  help: validation needs test_every \
+                "{}: the {} protocol leaves no keyframe to evaluate (test_every = {every}, {})\n  help: validation needs test_every \
                  of 3 or more; otherwise generate more keyframes",
                 dataset.dir().display(),
                 protocol.name(),
-                dataset.len()
+                counted(dataset.len(), "keyframe")
             );
         }
         if train.is_empty() {

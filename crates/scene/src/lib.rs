@@ -37,6 +37,7 @@ pub mod raster;
 pub mod rng;
 pub mod rooms;
 pub mod trajectory;
+pub mod words;
 
 pub use camera::{Equirectangular, Pinhole};
 pub use error::{Error, Result};

@@ -1,5 +1,6 @@
 //! The platform's way: a closed, smooth loop through waypoints at constant speed.
 
+use crate::words::{counted, verb};
 use crate::{Error, Result, Rigid3, bounds};
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
@@ -70,7 +71,7 @@ impl TrajectoryConfig {
         if n < 3 {
             return Err(Error::invalid(
                 format!("{place}.waypoints_m"),
-                format!("{n} waypoints make no loop"),
+                format!("{} {} no loop", counted(n, "waypoint"), verb(n, "makes", "make")),
                 "give at least 3 [x, y] pairs in metres",
             ));
         }

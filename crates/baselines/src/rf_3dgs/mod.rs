@@ -13,6 +13,7 @@ mod schedule;
 
 pub use checkpoint::Rf3dgsCheckpoint;
 pub use config::{InitialPoints, RadioBackground, RadioMoments, Rf3dgsConfig, Rf3dgsRates};
+use corf_scene::words::counted;
 pub use density::{DensityChange, DensityConfig, DensityCounts, decide};
 pub use points::{LEAST_POINTS, Point, write_ply};
 pub use schedule::Rf3dgsSchedule;
@@ -172,7 +173,7 @@ impl Rf3dgsReconstructor {
         }
         self.extent_m = points::extent_m(&self.poses);
         if !(self.extent_m > 0.0 && self.extent_m.is_finite()) {
-            let what = format!("{} keyframes, all in one place", self.poses.len());
+            let what = format!("{}, all in one place", counted(self.poses.len(), "keyframe"));
             return Err(Error::invalid("the training keyframes", what, "give keyframes from several places"));
         }
         self.schedule = Some(Rf3dgsSchedule::new(&self.config, self.extent_m, self.seed, self.poses.len()));

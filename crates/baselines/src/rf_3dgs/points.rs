@@ -9,6 +9,7 @@ use corf::{
     depth::{self, GreyView},
     gaussians::{SH_C0, logit},
 };
+use corf_scene::words::counted;
 use corf_scene::{Light, Pinhole, Raster, Rigid3, Rng, io::write_atomic};
 use glam::DVec3;
 use std::path::Path;
@@ -92,7 +93,7 @@ pub fn random(poses: &[Rigid3], count: usize, half_side_m: f64, seed: u64) -> Ve
 /// Fewer than [`LEAST_POINTS`].
 pub fn gaussians(points: &[Point], none: Gaussians, initial_opacity: f32) -> Result<Gaussians> {
     if points.len() < LEAST_POINTS {
-        let what = format!("only {} corners could be triangulated", points.len());
+        let what = format!("only {} could be triangulated", counted(points.len(), "corner"));
         let help = "set initial_points = \"random\", or give overlapping images with structure";
         return Err(Error::invalid("the first Gaussians", what, help));
     }

@@ -8,6 +8,7 @@ use super::{DeformedStep, Trainer, WrfGsPlusConfig};
 use crate::rf_3dgs::{DensityCounts, Epochs, control_density, log_linear, points};
 use corf::device::{DenseStep, Modality, Planes, Step, StepReport, TrainingView};
 use corf::{Error, FieldMeta, Result};
+use corf_scene::words::counted;
 use corf_scene::{Keyframe, Pinhole, Rigid3, keyframe::DbRange};
 
 /// Number of its stage among those that visit views in epochs (RF-3DGS's are 0 and 1).
@@ -112,7 +113,7 @@ impl WrfGsPlusReconstructor {
         }
         let extent_m = points::extent_m(&self.poses);
         if !(extent_m > 0.0 && extent_m.is_finite()) {
-            let what = format!("{} keyframes, all in one place", self.poses.len());
+            let what = format!("{}, all in one place", counted(self.poses.len(), "keyframe"));
             return Err(Error::invalid("the training keyframes", what, "give keyframes from several places"));
         }
         self.epochs = Some(Epochs::new(self.seed, self.poses.len(), STAGE));

@@ -1,7 +1,9 @@
 //! `--set KEY=VALUE`: keys of a configuration on the command line.
 
+use super::config::of_type;
+use crate::documents::explain::Key;
 use crate::methods;
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 use corf_scene::config::DatasetConfig;
 use std::path::Path;
@@ -21,6 +23,7 @@ impl DatasetKeys {
     /// As [`DatasetConfig::load_with`]; a line that is not `KEY=VALUE`.
     pub fn load(&self, path: &Path) -> Result<DatasetConfig> {
         let overrides = table(&self.overrides)?;
+        check_tables(&overrides, &of_type::<DatasetConfig>())?;
         Ok(DatasetConfig::load_with(path, |file| methods::merge(file, overrides))?)
     }
 }
@@ -35,6 +38,32 @@ pub fn table(lines: &[String]) -> Result<toml::Table> {
         methods::merge(&mut table, assignment(line)?);
     }
     Ok(table)
+}
+
+/// Refuses a single value for what is a table among these keys of a configuration.
+///
+/// # Errors
+/// The first such key, with the keys of its table.
+pub fn check_tables(given: &toml::Table, keys: &[Key]) -> Result<()> {
+    fn walk(given: &toml::Table, above: &str, keys: &[Key]) -> Result<()> {
+        for (key, value) in given {
+            let name = format!("{above}{key}");
+            if let Some(inner) = value.as_table() {
+                walk(inner, &format!("{name}."), keys)?;
+            } else if keys.iter().any(|known| known.key == name && known.kind == "table") {
+                let of_table = |known: &&Key| known.key.strip_prefix(&name).is_some_and(|rest| rest.starts_with('.'));
+                let last = |known: &Key| known.key[name.len() + 1..].to_owned();
+                let within: Vec<String> = keys.iter().filter(of_table).map(last).filter(|key| !key.contains('.')).collect();
+                bail!(
+                    "--set {name}={value}: {name} is a table, and has no value of its own\n  help: set a key of it, as {name}.{}=VALUE; its keys: {}",
+                    within.first().map_or("KEY", String::as_str),
+                    within.join(", ")
+                );
+            }
+        }
+        Ok(())
+    }
+    walk(given, "", keys)
 }
 
 /// `KEY=VALUE` of `--set`: TOML, or a word without quotes, which is a string.
@@ -55,6 +84,18 @@ fn assignment(line: &str) -> Result<toml::Table> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_table_is_given_no_value_and_its_keys_are_named() {
+        let keys = of_type::<DatasetConfig>();
+        let said = |line: &str| check_tables(&table(&[line.to_owned()]).unwrap(), &keys).err().map(|error| error.to_string());
+        let refusal = said("optical=4").unwrap();
+        assert!(refusal.contains("optical is a table") && refusal.contains("help: ") && refusal.contains("effort"), "{refusal}");
+        assert!(said("optical.max_bounces=4").is_none() && said("keyframes=3").is_none() && said("no_key=3").is_none());
+        let online = crate::commands::config::of_method("corf-gs").unwrap();
+        let refusal = check_tables(&table(&["optimizer=none".to_owned()]).unwrap(), &online).unwrap_err().to_string();
+        assert!(refusal.contains("optimizer is a table"), "{refusal}");
+    }
 
     #[test]
     fn words_need_no_quotes_and_numbers_stay_numbers() {

@@ -9,7 +9,8 @@ use crate::methods;
 use crate::radio_link::LinkConfig;
 use anyhow::Result;
 use clap::Args;
-use corf_scene::config::{DatasetConfig, SceneConfig, nearest};
+use corf_scene::config::{DatasetConfig, SceneConfig};
+use corf_scene::words::nearest;
 use schemars::{JsonSchema, schema_for};
 use serde_json::Value;
 
@@ -69,7 +70,7 @@ fn of_file(name: &str) -> Option<Vec<Key>> {
     })
 }
 
-fn of_type<T: JsonSchema>() -> Vec<Key> {
+pub(super) fn of_type<T: JsonSchema>() -> Vec<Key> {
     keys(&schema_for!(T).to_value(), &Value::Null)
 }
 
@@ -77,7 +78,7 @@ fn of_type<T: JsonSchema>() -> Vec<Key> {
 ///
 /// # Errors
 /// A name that is no method's.
-fn of_method(id: &str) -> Result<Vec<Key>> {
+pub(super) fn of_method(id: &str) -> Result<Vec<Key>> {
     let method = methods::create(id, &toml::Table::new(), &Backend::Cpu).map_err(|e| match nearest(id, FILES) {
         Some(near) => anyhow::anyhow!("nothing is called {id}\n  help: did you mean {near}?"),
         None => anyhow::anyhow!("{e:#}; of files {} can be explained as well", FILES.join(", ")),

@@ -12,6 +12,7 @@ use anyhow::Result;
 use clap::Args;
 use corf_raytrace::radio::DiffuseSettings;
 use corf_raytrace::radio::coverage::{CoveragePlane, coverage, strongest};
+use corf_scene::words::{counted, verb};
 use corf_scene::{Error, Finding, Raster, Severity, io, near_field};
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -72,8 +73,11 @@ impl Coverage {
         }
         let near = Near::count(&setup, &plane);
         if near.doubtful > 0 {
-            let what =
-                format!("{} cells are within 2 wavelengths of a transmitter, where the far-field law is inexact", near.doubtful);
+            let what = format!(
+                "{} {} within 2 wavelengths of a transmitter, where the far-field law is inexact",
+                counted(near.doubtful, "cell"),
+                verb(near.doubtful, "is", "are")
+            );
             note!("{}", Finding::new(Severity::Warning, "coverage plane", what, "leave these cells out of statistics"));
         }
         let picture = CoveragePicture::new(&gain, &plane, setup.link.tx_power_dbm);

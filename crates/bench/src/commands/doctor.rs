@@ -8,6 +8,7 @@ use crate::scenes::oidn::{LIBRARY_VARIABLE, Oidn};
 use anyhow::Result;
 use clap::Args;
 use corf_scene::bounds;
+use corf_scene::words::counted;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -96,7 +97,7 @@ impl Report {
         let features = if self.features.is_empty() { "none".to_owned() } else { self.features.join(", ") };
         let mut lines = vec![
             ("program", format!("corf {} (commit {}{dirty}), features: {features}", p.version, p.commit)),
-            ("processor", format!("{}, {} threads, {}", p.processor, p.threads, self.system)),
+            ("processor", format!("{}, {}, {}", p.processor, counted(p.threads, "thread"), self.system)),
             ("memory", format!("{} available", gigabytes(self.memory_available_bytes))),
             (
                 "disk",

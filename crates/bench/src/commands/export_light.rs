@@ -7,6 +7,7 @@ use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use corf_scene::export::mitsuba::{self, MitsubaSummary, Views};
+use corf_scene::words::counted;
 use corf_scene::{Pinhole, Rigid3, Scene, trajectory};
 use std::path::Path;
 
@@ -68,7 +69,7 @@ impl LightViews {
                 let poses = trajectory::generate_between(way, dataset.keyframes, dataset.way)?;
                 ((o.width, o.height, o.horizontal_fov_deg), world_from_camera(poses))
             }
-            Err(_) => (DEFAULT_CAMERA, PoseFile::read(Path::new(poses))?.as_they_are()),
+            Err(_) => (DEFAULT_CAMERA, PoseFile::read(Path::new(poses))?.as_they_are()?),
         };
         camera = (self.width.unwrap_or(camera.0), self.height.unwrap_or(camera.1), self.fov.unwrap_or(camera.2));
         let (width, height, fov_deg) = camera;
@@ -102,14 +103,14 @@ pub fn write(scene: &Scene, views: Option<&Views>, folder: &Path) -> Result<Mits
 /// Standard output that cannot be written.
 pub fn report(summary: &MitsubaSummary, out: &Path, json: bool) -> Result<Verdict> {
     let text = format!(
-        "{}: {} shapes, {} materials, {} textures, {} emitters, {} triangles, {} sensors",
+        "{}: {}, {}, {}, {}, {}, {}",
         out.display(),
-        summary.shapes,
-        summary.materials,
-        summary.textures,
-        summary.emitters,
-        summary.triangles,
-        summary.sensors
+        counted(summary.shapes, "shape"),
+        counted(summary.materials, "material"),
+        counted(summary.textures, "texture"),
+        counted(summary.emitters, "emitter"),
+        counted(summary.triangles, "triangle"),
+        counted(summary.sensors, "sensor")
     );
     show(json, summary, &text)?;
     Ok(Verdict::Done)

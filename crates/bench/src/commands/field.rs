@@ -1,6 +1,7 @@
 //! `corf field`: a reconstructed field for other programs.
 
 use super::{Verdict, show};
+use crate::files::ending::{check_file, ending};
 use crate::files::separation::{Reads, keep_apart};
 use crate::methods::abilities;
 use crate::note;
@@ -12,8 +13,10 @@ use corf::device::Modality;
 use corf::files::export::{Frame, SpzClamped, encode_splat, encode_spz, turned};
 use corf::files::ply::{self, SingleModality};
 use corf::{Appearance, Field, RadioTarget};
+use corf_scene::Error;
 use corf_scene::io::write_atomic;
 use corf_scene::keyframe::DbRange;
+use corf_scene::words::counted;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -80,6 +83,17 @@ enum Half {
 }
 
 impl Form {
+    /// Endings by which other programs know what a file of Gaussians is.
+    const ENDINGS: [&str; 4] = ["ply", "splat", "spz", "sog"];
+
+    fn ending(self) -> &'static str {
+        match self {
+            Self::Ply | Self::SogReadyPly => "ply",
+            Self::Splat => "splat",
+            Self::Spz => "spz",
+        }
+    }
+
     fn name(self) -> &'static str {
         match self {
             Self::Ply => "ply",
@@ -104,6 +118,17 @@ impl Export {
     /// # Errors
     /// A folder that is no run of Gaussians, a modality that was not trained, a degree below the field's, a file that cannot be written.
     pub fn run(self, json: bool) -> Result<Verdict> {
+        check_file("--out", &self.out)?;
+        let (wanted, given) = (self.to.ending(), ending(&self.out));
+        if let Some(other) = given.filter(|given| given != wanted && Form::ENDINGS.contains(&given.as_str())) {
+            let help = format!("give --out NAME.{wanted}, or another --to");
+            return Err(Error::invalid(
+                format!("--out {}", self.out.display()),
+                format!("--to {} writes no .{other}", self.to.name()),
+                help,
+            )
+            .into());
+        }
         let info = open::read_info(&self.run)?;
         keep_apart("--out", &self.out, &[Reads::Folder(&self.run), Reads::Folder(&info.dataset)])?;
         let (field, antialias) = self.read(&info)?;
@@ -170,7 +195,7 @@ impl Export {
             Frame::YUp => "turned so that y is up: (x, y, z) of the world is (x, z, -y), metres".to_owned(),
         };
         let sh_degree = if self.to == Form::Splat { 0 } else { gaussians.appearance.sh_degree };
-        let text = format!("{count} Gaussians of harmonic degree {sh_degree} in {}\n{axes}", self.out.display());
+        let text = format!("{} of harmonic degree {sh_degree} in {}\n{axes}", counted(count, "Gaussian"), self.out.display());
         said.iter().for_each(|word| note!("{word}"));
         let value = json!({
             "out": self.out, "format": self.to.name(), "gaussians": count, "sh_degree": sh_degree,

@@ -26,9 +26,10 @@ use crate::bounds;
 use crate::record::{Outcome, Record};
 use crate::terminal::messages;
 use anyhow::{Context, Result};
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use corf_scene::Severity;
 use serde::Serialize;
+use std::ffi::OsString;
 
 /// Outcome of a command that ended well enough to have one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,6 +61,20 @@ pub struct Arguments {
     /// What is to be done.
     #[command(subcommand)]
     pub command: Command,
+}
+
+impl Arguments {
+    /// The arguments of a command line, the program's name first. A negative number is a value of the flag before it wherever one is taken, so that
+    /// what is wrong with it is said of it.
+    ///
+    /// # Errors
+    /// What clap has to say, help and version included.
+    pub fn of<I: IntoIterator<Item = T>, T: Into<OsString> + Clone>(line: I) -> Result<Self, clap::Error> {
+        fn with_negative_numbers(command: clap::Command) -> clap::Command {
+            command.allow_negative_numbers(true).mut_subcommands(with_negative_numbers)
+        }
+        Self::from_arg_matches(&with_negative_numbers(Self::command()).try_get_matches_from(line)?)
+    }
 }
 
 /// The sub-commands of `corf`.

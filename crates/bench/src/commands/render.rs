@@ -17,6 +17,7 @@ use clap::{Args, ValueEnum};
 use corf_scene::color::quantize8;
 use corf_scene::dataset::Dataset;
 use corf_scene::io::sha256_hex;
+use corf_scene::words::counted;
 use corf_scene::{Pinhole, Raster, Rigid3, io};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -221,7 +222,7 @@ impl Render {
             progress.set(i + 1, poses.len());
         }
         progress.finish();
-        let mut text = format!("{} views in {}", poses.len(), self.out.display());
+        let mut text = format!("{} in {}", counted(poses.len(), "view"), self.out.display());
         if let (Some(video), Some(file)) = (video, &self.video) {
             video.encode(&self.out.join(pictures.folder()), poses.len())?;
             text += &format!(", and as a video in {}", file.display());

@@ -3,6 +3,7 @@
 use super::export_light::{self, LightViews};
 use super::scene_new::New;
 use super::{Verdict, show};
+use crate::files::ending::{check_file, ending};
 use crate::note;
 use crate::run::{claim_fresh, claim_shared};
 use crate::scenes::in_use;
@@ -14,7 +15,8 @@ use corf_scene::contained::Reach;
 use corf_scene::export::sionna;
 use corf_scene::import::ImportOptions;
 use corf_scene::info::{SceneInfo, validate_scene};
-use corf_scene::{Finding, Scene as Model, Severity, import, lobby, office, radio_check};
+use corf_scene::words::counted;
+use corf_scene::{Error, Finding, Scene as Model, Severity, import, lobby, office, radio_check};
 use std::path::{Path, PathBuf};
 
 /// Frequency a mesh file without a scene file is checked at, Hz.
@@ -83,10 +85,16 @@ pub enum Build {
 
 impl Build {
     /// Writes the scene, and says where.
-    fn write(self) -> corf_scene::Result<PathBuf> {
+    fn write(self) -> Result<PathBuf> {
+        let (Self::Lobby { out } | Self::Office { out }) = &self;
+        check_file("--out", out)?;
+        if ending(out).is_none_or(|ending| ending != "glb") {
+            let help = "give --out NAME.glb";
+            return Err(Error::invalid(format!("--out {}", out.display()), "a scene is written as binary glTF", help).into());
+        }
         match self {
-            Self::Lobby { out } => lobby::write(&out).map(|()| out),
-            Self::Office { out } => office::write(&out).map(|()| out),
+            Self::Lobby { out } => Ok(lobby::write(&out).map(|()| out)?),
+            Self::Office { out } => Ok(office::write(&out).map(|()| out)?),
         }
     }
 }
@@ -239,13 +247,13 @@ impl Scene {
                 print_frame(&scene, Some(&config));
                 let summary = sionna::write(&scene, &config, poses, &out)?;
                 let text = format!(
-                    "{}: {} shapes, {} materials, {} triangles, {} vertices, {} poses",
+                    "{}: {}, {}, {}, {}, {}",
                     out.display(),
-                    summary.shapes,
-                    summary.materials,
-                    summary.triangles,
-                    summary.vertices,
-                    summary.poses
+                    counted(summary.shapes, "shape"),
+                    counted(summary.materials, "material"),
+                    counted(summary.triangles, "triangle"),
+                    counted(summary.vertices, "vertex"),
+                    counted(summary.poses, "pose")
                 );
                 show(json, &summary, &text)?;
                 Ok(Verdict::Done)

@@ -10,6 +10,7 @@ use anyhow::{Context, Result};
 use clap::Args;
 use corf_scene::config::UpAxis;
 use corf_scene::import::{self, ImportOptions};
+use corf_scene::words::counted;
 use corf_scene::{Error, io, radio_check};
 use std::path::{Component, Path, PathBuf};
 
@@ -99,14 +100,14 @@ impl New {
 /// What was written, and what to do next.
 fn said(stub: &Stub, [scene, dataset, preview]: [&Path; 3]) -> String {
     format!(
-        "{}: {} materials to be filled in, a guessed transmitter at {:.2}, a loop of {:.1} m by {} waypoints, {:.2} m from everything\n\
+        "{}: {} to be filled in, a guessed transmitter at {:.2}, a loop of {:.1} m by {}, {:.2} m from everything\n\
          {}: look at it, then correct what is marked as a guess\n\
          next: corf scene validate {}\n      corf dataset generate {} --out {}",
         scene.display(),
-        stub.unknown.len(),
+        counted(stub.unknown.len(), "material"),
         stub.transmitter_m,
         stub.length_m,
-        stub.waypoints,
+        counted(stub.waypoints, "waypoint"),
         stub.clearance_m,
         preview.display(),
         shell::word(&scene.display().to_string()),

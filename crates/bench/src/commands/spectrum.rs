@@ -17,6 +17,7 @@ use corf_raytrace::spectrum::{Grid, SpectrumSettings, share_in_frame};
 use corf_scene::config::{SceneConfig, SpectrumConfig, SpectrumKind, TransmitterConfig};
 use corf_scene::dataset::{EQUIRECTANGULAR_AXES, Quantity};
 use corf_scene::keyframe::DbRange;
+use corf_scene::words::counted;
 use corf_scene::{Equirectangular, Error, Pinhole, Raster, Rigid3, Scene, bounds, io};
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -184,7 +185,7 @@ impl Spectrum {
                 .iter()
                 .map(|(kind, image)| self.write(&out, kind.name(), Quantity::of(*kind), image, (grid, frequency_hz, &caption)))
                 .collect::<Result<_>>()?;
-            lines.push(format!("{line}; {} spectra in {}", written.len(), shown.display()));
+            lines.push(format!("{line}; {} in {}", counted(written.len(), "spectrum"), shown.display()));
             summary["spectra"] = json!(written);
             write_json(&out.join("spectrum.json"), &summary)?;
             summaries.push(summary);
@@ -254,7 +255,11 @@ impl Spectrum {
         } else {
             "nothing arrives".into()
         };
-        let line = format!("{} paths and {} diffuse arrivals, {arriving}", received.paths.len(), received.diffuse.len());
+        let line = format!(
+            "{} and {}, {arriving}",
+            counted(received.paths.len(), "path"),
+            counted(received.diffuse.len(), "diffuse arrival")
+        );
         Ok(Formed { summary, images, line })
     }
 

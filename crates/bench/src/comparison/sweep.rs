@@ -18,6 +18,7 @@ use crate::split::Protocol;
 use crate::table::{Place, TOO_FEW_MARK};
 use anyhow::{Context, Result, bail};
 use corf_scene::io::write_atomic;
+use corf_scene::words::counted;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
@@ -153,11 +154,11 @@ impl Sweep {
     /// Markdown table of each row's gains over the base row.
     fn table(&self, results: &[(String, Vec<Record>)]) -> String {
         let mut out = format!(
-            "# {}\n\n{}, {} seeds, validation keyframes. Differences to the first row in dB of light / RF (Jet), paired by seed; the last columns \
+            "# {}\n\n{}, {}, validation keyframes. Differences to the first row in dB of light / RF (Jet), paired by seed; the last columns \
              are over all datasets, with 95 % intervals, and ratios of Gaussians and time.\n\n| change |",
             escape::markdown(&self.name),
             self.method,
-            self.seeds.len()
+            counted(self.seeds.len(), "seed")
         );
         results.iter().for_each(|(name, _)| out.push_str(&format!(" {} |", escape::markdown(name))));
         out.push_str(" Δ light | Δ RF | Gaussians | time |\n|---|");
@@ -202,8 +203,9 @@ impl Sweep {
         if other_devices > 0 {
             let _ = write!(
                 out,
-                "\n{other_devices} cells ran on another device than the first row's of their seed; ratios of time are without \
-                 them.\n"
+                "\n{} ran on another device than the first row's of their seed; ratios of time are without \
+                 them.\n",
+                counted(other_devices, "cell")
             );
         }
         out

@@ -6,6 +6,7 @@ use super::outcome::{EndedBy, WhenBehind};
 use crate::note;
 use anyhow::{Context, Result};
 use corf::{KeyframeTiming, LatencySummary, Percentiles};
+use corf_scene::words::{counted, verb};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::fs::File;
@@ -77,9 +78,9 @@ impl LiveRecord {
     pub fn summary(&self) -> String {
         let [median, p90] = [self.latency.median_s, self.latency.p90_s].map(|s| 1e3 * s);
         let mut text = format!(
-            "live: {} keyframes arrived, {} trained, {} held out, {} dropped, {} refused; ended by {}\nlatency from arrival to trained: median \
+            "live: {} arrived, {} trained, {} held out, {} dropped, {} refused; ended by {}\nlatency from arrival to trained: median \
              {median:.0} ms, P90 {p90:.0} ms; longest queue {}",
-            self.arrived,
+            counted(self.arrived, "keyframe"),
             self.trained,
             self.held_out,
             self.dropped.len(),
@@ -96,8 +97,10 @@ impl LiveRecord {
             if self.fell_behind { "FELL BEHIND" } else { "kept up" }
         );
         let DepthSources { files, network, matching } = self.depth;
-        text +=
-            &format!("\ndepth of {files} keyframes from files, of {network} from a network, of {matching} from matching alone");
+        text += &format!(
+            "\ndepth of {} from files, of {network} from a network, of {matching} from matching alone",
+            counted(files, "keyframe")
+        );
         if self.resumed > 0 {
             text += &format!(
                 "\n{} of the keyframes came from an earlier session, whose recording they were trained from again",
@@ -186,7 +189,7 @@ impl Log {
     }
 
     pub fn trained(&mut self, t: &Trained<'_>) -> Result<()> {
-        let KeyframeTiming { index, wait_s, prepare_s, expand_s, train_s, late_s } = *t.timing;
+        let KeyframeTiming { index, wait_s, prepare_s, expand_s, train_s, late_s, .. } = *t.timing;
         let (arrived_s, latency_s) = (self.since_start(t.arrived), t.timing.total_s());
         self.trained += 1;
         let done_s = arrived_s + latency_s;
@@ -278,7 +281,11 @@ impl Log {
             return Ok(());
         }
         self.warned_at = 2 * queue;
-        note!("BEHIND: {queue} keyframes wait; they come faster than this device takes them");
+        note!(
+            "BEHIND: {} {}; they come faster than this device takes them",
+            counted(queue, "keyframe"),
+            verb(queue, "waits", "wait")
+        );
         self.line(&json!({ "event": "behind", "queue": queue, "at_s": self.start.elapsed().as_secs_f64() }))
     }
 

@@ -6,6 +6,7 @@ use anyhow::{Result, ensure};
 use corf::expansion::initial::{RadioView, coupled, in_view};
 use corf::files::ply::{self, ForeignField};
 use corf::{Antialias, Gaussians, RadioTarget};
+use corf_scene::words::counted;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 
@@ -76,7 +77,7 @@ impl Initial {
     /// Says how the file differs from what the method works with.
     pub fn report(&self, method: &str, (sh_degree, key): (usize, Option<&str>), antialias: Antialias) {
         let (file, theirs) = (self.file.display(), self.field.gaussians.appearance.sh_degree);
-        note!("{method}: begins with {} Gaussians of {file}", self.field.gaussians.position.len());
+        note!("{method}: begins with {} of {file}", counted(self.field.gaussians.position.len(), "Gaussian"));
         if self.field.filter_3d {
             note!("{method}: the 3D filter of its column filter_3D was applied to scales and opacities, as Mip-Splatting does");
         }
@@ -85,7 +86,7 @@ impl Initial {
         }
         if let Some(first) = self.field.unread.first() {
             let more = self.field.unread.len() - 1;
-            let others = if more > 0 { format!(" and {more} more columns") } else { String::new() };
+            let others = if more > 0 { format!(" and {}", counted(more, "more column")) } else { String::new() };
             note!("{method}: its column {first}{others} was not read");
         }
         if theirs > sh_degree {

@@ -282,6 +282,9 @@ pub struct Advance<'a> {
     pub resumed_steps: usize,
     /// The field as it stands, for whoever wants to look at it, from methods that have one.
     pub field: Option<FieldReader<'a>>,
+    /// What predicts as the work stands, from methods whose field is more, or something else, than Gaussians of light and radio
+    /// ([`Method::predicts_at_work`]).
+    pub predictor: Option<PredictorReader<'a>>,
 }
 
 /// Reads the Gaussians of a reconstruction at work back from its device: work that is done only where somebody asks for it.
@@ -297,6 +300,31 @@ impl<'a> FieldReader<'a> {
     /// The field as it stands; none where the method has no Gaussians that a rasteriser could draw.
     pub fn read(self) -> Option<Field> {
         (self.0)()
+    }
+}
+
+/// Makes a predictor of a reconstruction at work: work that is done only where somebody asks for it, and changes nothing of it.
+#[derive(Clone, Copy)]
+pub struct PredictorReader<'a>(&'a dyn Fn() -> Result<Option<Box<dyn Predictor>>>);
+
+impl<'a> PredictorReader<'a> {
+    /// A reader that calls `make`.
+    pub fn new(make: &'a dyn Fn() -> Result<Option<Box<dyn Predictor>>>) -> Self {
+        Self(make)
+    }
+
+    /// What predicts as the work stands; none where there is nothing yet that could.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn read(self) -> Result<Option<Box<dyn Predictor>>> {
+        (self.0)()
+    }
+}
+
+impl std::fmt::Debug for PredictorReader<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("PredictorReader")
     }
 }
 
@@ -324,7 +352,17 @@ pub struct StageTime {
 impl Advance<'_> {
     /// Units done of all, and no more to say.
     pub fn of(done: usize, total: usize) -> Self {
-        Self { done, total, gaussians: None, keyframe: None, depth: None, stages: &[], resumed_steps: 0, field: None }
+        Self {
+            done,
+            total,
+            gaussians: None,
+            keyframe: None,
+            depth: None,
+            stages: &[],
+            resumed_steps: 0,
+            field: None,
+            predictor: None,
+        }
     }
 }
 
@@ -338,6 +376,11 @@ pub trait Method {
 
     /// Whether the method reads ground-truth depth (through the simulated monocular prior).
     fn uses_ground_truth_depth(&self) -> bool {
+        false
+    }
+
+    /// Whether it hands over what predicts while it works ([`Advance::predictor`]).
+    fn predicts_at_work(&self) -> bool {
         false
     }
 

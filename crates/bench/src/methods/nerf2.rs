@@ -7,7 +7,7 @@ use crate::device::Backend;
 #[cfg(feature = "gpu")]
 use crate::device::network_options;
 use crate::methods::family::{Abilities, Family, Open, Variant, over_defaults};
-use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
+use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, PredictorReader, TrainingSet};
 use crate::methods::stepwise::report_unless_kept;
 use crate::metrics::Prediction;
 use crate::terminal::interrupt;
@@ -17,6 +17,7 @@ use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::Modalities;
 use corf_scene::{Keyframe, Pinhole, Radio, Rigid3};
 use schemars::schema_for;
+use std::cell::RefCell;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -109,6 +110,10 @@ impl Method for Nerf2 {
         self.checkpoints = Some(checkpoints);
     }
 
+    fn predicts_at_work(&self) -> bool {
+        true
+    }
+
     fn needs(&self) -> Modalities {
         Modalities { light: false, radio: true }
     }
@@ -155,7 +160,14 @@ impl Method for Nerf2 {
                     "{}: the mean squared error of step {done} is {loss}\n  help: the network has diverged; give a smaller rate",
                     self.id
                 );
-                advance(Advance::of(done, total)).map_err(|e| interrupted(trainer.as_mut(), e))?;
+                let held = RefCell::new(trainer.as_mut());
+                let make = || -> Result<Option<Box<dyn Predictor>>> {
+                    let field = Field { parameters: held.borrow_mut().state()?.parameters, ..field.clone() };
+                    let predictor = Nerf2Field { field, camera, backend: self.backend.clone(), trainer: None };
+                    Ok(Some(Box::new(predictor) as Box<dyn Predictor>))
+                };
+                let said = advance(Advance { predictor: Some(PredictorReader::new(&make)), ..Advance::of(done, total) });
+                said.map_err(|e| interrupted(trainer.as_mut(), e))?;
             }
             if checkpointer.is_due(done) && done < total {
                 checkpointer.keep(&field, trainer.as_mut())?;

@@ -8,7 +8,7 @@ use crate::split::Split;
 use anyhow::{Context, Result, bail, ensure};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use corf::{IdleKey, RasterConfig};
-use corf_scene::config::nearest;
+use corf_scene::words::nearest;
 use serde_json::Value;
 
 /// Every family: a new one is a file of its own and a line here.

@@ -1,9 +1,10 @@
 //! Reconstructions that work in steps: portions that follow the clock, progress, checkpoints, interrupts.
 
-use crate::methods::interface::{Advance, Checkpoints, FieldReader};
+use crate::methods::interface::{Advance, Checkpoints, FieldReader, Predictor, PredictorReader};
 use crate::note;
 use anyhow::{Context, Result};
 use corf::Field;
+use corf_scene::words::counted;
 use std::cell::RefCell;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -49,6 +50,14 @@ pub trait Stepwise {
     fn field(&mut self) -> Option<Field> {
         None
     }
+
+    /// What predicts as the work stands, of methods that say so ([`crate::methods::interface::Method::predicts_at_work`]).
+    ///
+    /// # Errors
+    /// The device's.
+    fn predictor(&mut self) -> Result<Option<Box<dyn Predictor>>> {
+        Ok(None)
+    }
 }
 
 /// Takes all `total` steps, or those that are left; returns how many came from a checkpoint.
@@ -76,13 +85,16 @@ pub fn run(
         let gaussians = Some(reconstruction.gaussian_count());
         let held = RefCell::new(&mut *reconstruction);
         let read = || held.borrow_mut().field();
-        let field = Some(FieldReader::new(&read));
-        advance(Advance { gaussians, resumed_steps: resumed, field, ..Advance::of(done, total) }).inspect_err(|_| {
-            // An interrupt: what could not be kept is done again.
-            if checkpointer.kept != Some(done) {
-                report_unless_kept(checkpointer.keep(reconstruction));
-            }
-        })?;
+        let make = || held.borrow_mut().predictor();
+        let (field, predictor) = (Some(FieldReader::new(&read)), Some(PredictorReader::new(&make)));
+        advance(Advance { gaussians, resumed_steps: resumed, field, predictor, ..Advance::of(done, total) }).inspect_err(
+            |_| {
+                // An interrupt: what could not be kept is done again.
+                if checkpointer.kept != Some(done) {
+                    report_unless_kept(checkpointer.keep(reconstruction));
+                }
+            },
+        )?;
     }
     Ok(resumed)
 }
@@ -147,9 +159,11 @@ impl Checkpointer<'_> {
     /// A reconstruction's error with what survives it.
     fn explain(&self, error: anyhow::Error) -> anyhow::Error {
         match (self.checkpoints, self.kept) {
-            (Some(c), Some(kept)) => {
-                error.context(format!("the last checkpoint, {}, holds {kept} steps: --resume goes on from it", c.path.display()))
-            }
+            (Some(c), Some(kept)) => error.context(format!(
+                "the last checkpoint, {}, holds {}: --resume goes on from it",
+                c.path.display(),
+                counted(kept, "step")
+            )),
             _ => error,
         }
     }

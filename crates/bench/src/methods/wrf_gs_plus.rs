@@ -76,31 +76,44 @@ pub fn trainer(backend: &Backend, config: &WrfGsPlusConfig, parameters: Vec<f32>
     }
 }
 
-impl Stepwise for WrfGsPlusReconstructor {
+/// A reconstruction at work, and where what predicts is made.
+struct AtWork<'a> {
+    reconstructor: WrfGsPlusReconstructor,
+    backend: &'a Backend,
+}
+
+impl Stepwise for AtWork<'_> {
     fn begin(&mut self) -> corf::Result<()> {
-        Self::begin(self)
+        self.reconstructor.begin()
     }
 
     fn resume(&mut self, path: &Path, checkpoints: &Checkpoints) -> Result<()> {
         let checkpoint = WrfGsPlusCheckpoint::read(path)?;
         checkpoints.check_tag(checkpoint.tag())?;
-        Ok(self.restore(&checkpoint)?)
+        Ok(self.reconstructor.restore(&checkpoint)?)
     }
 
     fn keep(&mut self, path: &Path, tag: &str) -> corf::Result<()> {
-        self.checkpoint(tag)?.write(path)
+        self.reconstructor.checkpoint(tag)?.write(path)
     }
 
     fn train(&mut self, most: usize) -> corf::Result<()> {
-        Self::train(self, most).map(|_| ())
+        self.reconstructor.train(most).map(|_| ())
     }
 
     fn steps_done(&self) -> usize {
-        Self::steps_done(self)
+        self.reconstructor.steps_done()
     }
 
     fn gaussian_count(&mut self) -> usize {
-        Self::gaussian_count(self)
+        self.reconstructor.gaussian_count()
+    }
+
+    fn predictor(&mut self) -> Result<Option<Box<dyn Predictor>>> {
+        let field = self.reconstructor.field()?;
+        let of =
+            |field| Box::new(WrfGsPlusPredictor { field, backend: self.backend.clone(), trainer: None }) as Box<dyn Predictor>;
+        Ok((!field.gaussians.is_empty()).then(|| of(field)))
     }
 }
 
@@ -121,6 +134,10 @@ impl Method for WrfGsPlus {
         "steps"
     }
 
+    fn predicts_at_work(&self) -> bool {
+        true
+    }
+
     /// The box in which the first Gaussians lie follows from the extent of the receivers.
     fn least_keyframes(&self) -> usize {
         2
@@ -139,12 +156,14 @@ impl Method for WrfGsPlus {
         let (config, total) = (&self.config, self.config.iterations);
         let trainer = trainer(&self.backend, config, Model::new(config).network.initial(seed))?;
         let (light, radio, range) = (training.light_camera(), training.radio_camera(), training.required_db_range()?);
-        let mut reconstructor = WrfGsPlusReconstructor::new(trainer, config.clone(), light, radio, range, seed)?;
+        let reconstructor = WrfGsPlusReconstructor::new(trainer, config.clone(), light, radio, range, seed)?;
+        let mut work = AtWork { reconstructor, backend: &self.backend };
         for k in 0..training.len() {
-            reconstructor.receive(&training.keyframe(k)?)?;
+            work.reconstructor.receive(&training.keyframe(k)?)?;
             advance(Advance::of(0, total))?;
         }
-        let resumed_steps = stepwise::run(&mut reconstructor, total, self.checkpoints.as_ref(), advance)?;
+        let resumed_steps = stepwise::run(&mut work, total, self.checkpoints.as_ref(), advance)?;
+        let mut reconstructor = work.reconstructor;
         let gaussians = Some(reconstructor.gaussian_count());
         advance(Advance { gaussians, resumed_steps, ..Advance::of(total, total) })?;
         let field = reconstructor.field()?;

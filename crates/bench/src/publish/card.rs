@@ -41,8 +41,10 @@ impl Publication<'_> {
         let tags: String = self.tags().iter().map(|tag| format!("- {tag}\n")).collect();
         let files: String =
             self.splits.iter().map(|s| format!("  - split: {}\n    path: data/{}-*.parquet\n", s.name, s.name)).collect();
+        // What spectra alone are for has no name there.
+        let task = if self.dataset.modalities().light { "image-to-3d" } else { "other" };
         let head = format!(
-            "---\nlicense: {}\npretty_name: {}\nsize_categories:\n- {size}\ntask_categories:\n- image-to-3d\ntags:\n{tags}configs:\n- \
+            "---\nlicense: {}\npretty_name: {}\nsize_categories:\n- {size}\ntask_categories:\n- {task}\ntags:\n{tags}configs:\n- \
              config_name: default\n  data_files:\n{files}---\n",
             statement.licence.id,
             scalar(&statement.title)
@@ -84,15 +86,30 @@ impl Publication<'_> {
         }
         let columns: String = columns.into_iter().map(|(name, what)| format!("| `{name}` | {what} |\n")).collect();
         format!(
-            "{head}# {title}\n\n{description}\n\n![Images over spectra](contact-sheet.png)\n\n```python\nfrom datasets import load_dataset\n\n\
-             keyframes = load_dataset(\"PATH OR NAME\", split=\"train\")\nkeyframes[0][\"image\"]                # PIL\n\
-             keyframes[0][\"world_from_camera\"]    # 4 x 4\n```\n\n| column | content |\n|---|---|\n{columns}\n`dataset/` is the data set itself, \
-             with depth and other float rasters as OpenEXR; `dataset/dataset.json` has every convention in words and the SHA-256 of every file, and \
+            "{head}# {title}\n\n{description}\n\n![{pictures}](contact-sheet.png)\n\n```python\nfrom datasets import load_dataset\n\n\
+             keyframes = load_dataset(\"PATH OR NAME\", split=\"train\")\n{first}\
+             keyframes[0][\"world_from_camera\"]    # 4 x 4\n```\n\n| column | content |\n|---|---|\n{columns}\n`dataset/` is the data set itself{rasters}; \
+             `dataset/dataset.json` has every convention in words and the SHA-256 of every file, and \
              the program corf opens the folder. Its hash is `{hash}`.\n\n## How it came to be\n\n{collection}\n\n## Before use\n\n\
              - **Meant for.** {uses}\n- **Limits.** {limitations}\n- **Biases.** {biases}\n- **Persons.** {sensitive}\n- **Impact.** {impact}\n\n\
              ## Licence and citation\n\n{licence}, [{spdx}]({licence_url}).\n\n```bibtex\n{bibtex}\n```\n",
             title = statement.title,
             description = self.description(),
+            pictures = match (has.light, has.radio) {
+                (true, true) => "Images over spectra",
+                (true, false) => "Images",
+                (false, _) => "Spectra",
+            },
+            first = match has.light {
+                true => "keyframes[0][\"image\"]                # PIL\n",
+                false => "keyframes[0][\"spectrum\"]             # by rows, linear power\n",
+            },
+            rasters = match (self.dataset.has_depth(), has.radio) {
+                (true, true) => ", with depth and other float rasters as OpenEXR",
+                (true, false) => ", with depth as OpenEXR",
+                (false, true) => ", with spectra as OpenEXR",
+                (false, false) => "",
+            },
             hash = self.dataset.hash(),
             collection = said(answers.collection),
             uses = said(answers.uses),

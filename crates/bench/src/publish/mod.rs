@@ -15,6 +15,7 @@ mod croissant;
 mod licence;
 mod shards;
 
+use corf_scene::words::counted;
 pub use licence::Licence;
 
 use crate::split::{Protocol, Split};
@@ -203,7 +204,7 @@ impl<'d> Publication<'d> {
     /// Keyframes, shards and splits, in words.
     pub fn summary(&self) -> String {
         let splits: Vec<String> = self.splits.iter().map(|s| format!("{} {}", s.keyframes.len(), s.name)).collect();
-        format!("{} keyframes ({})", self.dataset.len(), splits.join(", "))
+        format!("{} ({})", counted(self.dataset.len(), "keyframe"), splits.join(", "))
     }
 
     /// Flags without which a venue misses something, that were not given.
@@ -267,7 +268,10 @@ impl<'d> Publication<'d> {
             let carrier = header.frequency_hz.map(|f| format!(" at {} GHz", f / 1e9)).unwrap_or_default();
             parts.push(format!("an angular power spectrum{carrier} of {} x {} directions", radio.width, radio.height));
         }
-        format!("{} keyframes along a way through a room, each with {} and its pose.", self.dataset.len(), parts.join(", "))
+        // Of a capture nobody here knows what it went through.
+        let along = if header.imported.is_some() { "of a capture" } else { "along a way through a room" };
+        let keyframes = counted(self.dataset.len(), "keyframe");
+        format!("{keyframes} {along}, each with {} and its pose.", parts.join(", "))
     }
 }
 

@@ -5,6 +5,7 @@
 //! whatever order, in the units that their names or a line below say, and all others are skipped.
 
 use corf_scene::Error;
+use corf_scene::words::counted;
 use glam::DVec3;
 
 /// What a text file holds.
@@ -383,7 +384,11 @@ impl Columns {
             misfit(fields, line, at, how, "give a number for every x, y and z, and as many fields a line as there are names")
         };
         if fields.len() > self.names.len() {
-            return Err(misfit(&format!("has {} fields, and {} columns have names", fields.len(), self.names.len())));
+            return Err(misfit(&format!(
+                "has {}, and {}",
+                counted(fields.len(), "field"),
+                counted(self.names.len(), "named column")
+            )));
         }
         let mut point = [0.0; 3];
         for axis in 0..3 {

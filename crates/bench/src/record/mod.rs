@@ -164,6 +164,13 @@ impl HeldOutQuality {
         let over = |key: &str| COLUMNS.iter().find(|column| column.key == key)?.over(frames);
         Self { psnr_opt: over("psnr_opt"), psnr_rf_scalar: over("psnr_rf_scalar") }
     }
+
+    /// It in words; of what is not predicted, nothing.
+    pub fn text(&self) -> String {
+        let said = [("spectrum (dB)", self.psnr_rf_scalar), ("image", self.psnr_opt)];
+        let said = said.into_iter().filter_map(|(of, psnr)| Some(format!("PSNR {of} {:.2} dB", psnr?)));
+        said.collect::<Vec<_>>().join(", ")
+    }
 }
 
 /// Most bytes of a record: one with ten thousand held-out keyframes has fewer.

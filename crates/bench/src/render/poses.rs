@@ -6,6 +6,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::ValueEnum;
 use corf_scene::dataset::Dataset;
 use corf_scene::transform::ROUNDED;
+use corf_scene::words::counted;
 use corf_scene::{Rigid3, Similarity3, bounds, io};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -96,7 +97,7 @@ impl PoseFile {
             let whole = match *rows.as_slice() {
                 [a, b, c] => [a, b, c, [0.0, 0.0, 0.0, 1.0]],
                 [a, b, c, d] => [a, b, c, d],
-                _ => bail!("{place}: pose {i} has {} rows\n  help: give 4x4 matrices by rows", rows.len()),
+                _ => bail!("{place}: pose {i} has {}\n  help: give 4x4 matrices by rows", counted(rows.len(), "row")),
             };
             let (pose, off) = Rigid3::nearest(&whole, &format!("{place}: pose {i}"))?;
             rounded += usize::from(off > ROUNDED);
@@ -108,8 +109,8 @@ impl PoseFile {
         if rounded > 0 {
             let (off, i) = worst;
             note!(
-                "{place}: rotations of {rounded} of {} poses are rounded: that of pose {i} is {off:.1e} off one; the nearest were taken",
-                poses.len()
+                "{place}: rotations of {rounded} of {} are rounded: that of pose {i} is {off:.1e} off one; the nearest were taken",
+                counted(poses.len(), "pose")
             );
         }
         Ok(Self { path: path.to_owned(), poses, is_ours, sha256: io::sha256_hex(&io::read(path)?) })
@@ -121,8 +122,20 @@ impl PoseFile {
     }
 
     /// The `world_from_camera` of every pose, as the file has them: its frame is taken for the world.
-    pub fn as_they_are(self) -> Vec<Rigid3> {
-        self.poses
+    ///
+    /// # Errors
+    /// A position beyond [`bounds::MAX_COORDINATE_M`]; more poses than a data set has ([`bounds::MAX_KEYFRAMES`]).
+    pub fn as_they_are(self) -> Result<Vec<Rigid3>> {
+        let (place, count) = (self.path.display(), self.poses.len());
+        ensure!(
+            count <= bounds::MAX_KEYFRAMES,
+            "{place} names {count} poses\n  help: give at most {}, and the rest in further files",
+            bounds::MAX_KEYFRAMES
+        );
+        for (i, pose) in self.poses.iter().enumerate() {
+            bounds::position(&format!("{place}: pose {i}"), pose.translation)?;
+        }
+        Ok(self.poses)
     }
 
     /// The `world_from_camera` of every pose in the world of a data set, and the frame that the file is in: that which is `stated`, or what the
@@ -244,7 +257,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("poses.json");
         std::fs::write(&path, text).unwrap();
-        PoseFile::read(&path).map(PoseFile::as_they_are)
+        PoseFile::read(&path).and_then(PoseFile::as_they_are)
     }
 
     fn is_rigid(pose: &Rigid3) -> bool {
@@ -275,6 +288,12 @@ mod tests {
         for text in ["{}", "[]", "{\"frames\": []}", "[[[1,0,0,0],[0,2,0,0],[0,0,1,0],[0,0,0,1]]]", "[[[1,0,0,0],[0,1,0,0]]]"] {
             assert!(read(text).is_err(), "{text}");
         }
+        // Metres that no room has, and more poses than any data set.
+        let said = read("[[[1,0,0,0],[0,1,0,2e6],[0,0,1,0]]]").unwrap_err().to_string();
+        assert!(said.contains("poses.json: pose 0") && said.contains("1e6"), "{said}");
+        let many = vec!["[[1,0,0,0],[0,1,0,0],[0,0,1,0]]"; bounds::MAX_KEYFRAMES + 1].join(",");
+        let said = read(&format!("[{many}]")).unwrap_err().to_string();
+        assert!(said.contains("names 100001 poses") && said.contains("100000"), "{said}");
         // The last row may be left out, and three decimals are enough.
         let read = read("[[[0.878,-0.479,0,1],[0.479,0.878,0,2],[0,0,1,3]]]").unwrap();
         assert!(is_rigid(&read[0]) && read[0].translation == DVec3::new(1.0, 2.0, 3.0));

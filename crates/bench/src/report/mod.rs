@@ -18,6 +18,7 @@ use crate::table::{self, Mark};
 use anyhow::Result;
 use corf_scene::dataset::Dataset;
 use corf_scene::io::write_atomic;
+use corf_scene::words::counted;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -162,8 +163,10 @@ fn all_metrics(records: &[Record]) -> String {
 
 fn provenance(report: &Report<'_>) -> String {
     let header = report.dataset.header();
-    let mut lines =
-        vec![("dataset", format!("{} · {} keyframes · hash {}", header.name, report.dataset.len(), report.dataset.hash()))];
+    let mut lines = vec![(
+        "dataset",
+        format!("{} · {} · hash {}", header.name, counted(report.dataset.len(), "keyframe"), report.dataset.hash()),
+    )];
     // What the cells were made with, not what writes this page; more than one line means they are not all from one build.
     let mut made_with: Vec<&Provenance> = Vec::new();
     for record in report.records {
@@ -177,7 +180,7 @@ fn provenance(report: &Report<'_>) -> String {
             "source",
             format!("corf {} · commit {}{changed} · Cargo.lock sha256 {}", p.version, p.commit, p.lockfile_sha256),
         ));
-        lines.push(("machine", format!("{} · {} threads", p.processor, p.threads)));
+        lines.push(("machine", format!("{} · {}", p.processor, counted(p.threads, "thread"))));
     }
     if let Some(record) = report.records.first() {
         let weights = record.lpips_weights.iter();

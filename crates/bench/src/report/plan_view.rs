@@ -3,6 +3,7 @@
 use super::Report;
 use crate::charts::png_uri;
 use anyhow::Result;
+use corf_scene::words::counted;
 use corf_scene::{Light, Raster};
 use glam::DVec3;
 use std::fmt::Write;
@@ -133,9 +134,10 @@ pub(super) fn figure(report: &Report<'_>) -> Result<String> {
     let transmitter =
         report.transmitter_m.map_or(String::new(), |t| format!("Transmitter at ({:.2}, {:.2}, {:.2}) m. ", t[0], t[1], t[2]));
     Ok(format!(
-        "<div class=\"plan\"><figure>{svg}</figure><p class=\"note\">{transmitter}{trained} training keyframes (blue), {} held out \
+        "<div class=\"plan\"><figure>{svg}</figure><p class=\"note\">{transmitter}{} (blue), {} held out \
          (orange); the ticks point where the platform looks. The plan is put together from the keyframes' own images and depths, \
          the ceiling cut away; x to the right, y up.</p></div>",
+        counted(trained, "training keyframe"),
         held_out.len()
     ))
 }

@@ -15,6 +15,7 @@ use corf::depth::DepthQuality;
 use corf::{KeyframeTiming, LatencySummary};
 use corf_scene::Keyframe;
 use corf_scene::dataset::Dataset;
+use corf_scene::words::counted;
 use std::time::{Duration, Instant};
 
 /// A finished reconstruction and what the clock says of it.
@@ -58,9 +59,10 @@ pub fn check_training(method: &dyn Method, dataset: &Dataset, split: &Split) -> 
     let (count, least) = (split.train.len(), method.least_keyframes());
     if count < least {
         bail!(
-            "{} needs at least {least} training keyframes, the dataset has {count}\n  help: generate more keyframes, or hold fewer out \
+            "{} needs at least {}, the dataset has {count}\n  help: generate more keyframes, or hold fewer out \
              (split.test_every)",
-            method.id()
+            method.id(),
+            counted(least, "training keyframe")
         );
     }
     Ok(())
@@ -128,8 +130,9 @@ pub fn clocked(
     let seconds = seconds_but(evaluating);
     let peak_memory_bytes = peak_memory_bytes();
     if let Some(quality) = quality {
-        // The finished field, as `corf evaluate` will find it.
+        // The finished field, as `corf evaluate` will find it; what was said at the end of the work is of the same moment.
         let held_out = Some(quality.of(predictor.as_mut())?);
+        curve.retain(|point| point.progress < 1.0);
         curve.push(CurvePoint { seconds, progress: 1.0, gaussians: predictor.gaussians(), held_out });
     }
     Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes, keyframes, depth, stages, resumed_steps })

@@ -16,6 +16,7 @@ pub mod open;
 pub mod picture;
 pub mod quality;
 
+use crate::files::ending::check_folder;
 use crate::files::json::write_numbers;
 use crate::files::output::{FreshFolder, clear_leftovers, has_unfinished, is_leftover, was_finishing};
 use crate::live::LiveRecord;
@@ -271,6 +272,7 @@ fn claim(folder: &Path, content: Content, help: &str) -> Result<FolderLock> {
     if folder.is_file() {
         bail!("{} is a file\n  help: name a folder with --out", folder.display());
     }
+    check_folder(folder)?;
     let refuse_content = || -> Result<()> {
         let counts = |entry: std::io::Result<std::fs::DirEntry>| entry.is_ok_and(|e| !is_leftover(&e.file_name()));
         let occupied = std::fs::read_dir(folder).is_ok_and(|mut entries| entries.any(counts));

@@ -8,7 +8,7 @@ use crate::metrics::input::Input;
 use crate::record::HeldOutQuality;
 use crate::run::evaluation::evaluate;
 use crate::split::Split;
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use corf::RasterConfig;
 use std::sync::Arc;
 
@@ -19,7 +19,8 @@ pub struct QualityWatch<'a> {
     due: usize,
     input: Input,
     split: &'a Split,
-    raster: RasterConfig,
+    /// The rasteriser's settings of a field of Gaussians; none of methods that hand over predictors.
+    raster: Option<RasterConfig>,
     backend: &'a Backend,
 }
 
@@ -31,12 +32,13 @@ impl<'a> QualityWatch<'a> {
     pub fn new(every: usize, method: &dyn Method, input: &Input, split: &'a Split, backend: &'a Backend) -> Result<Self> {
         ensure!(every > 0, "evaluations every 0 {} are none\n  help: give 1 or more, or leave it out", method.unit());
         split.check_held_out()?;
-        let raster = raster(method)?.with_context(|| {
-            format!(
-                "{} has no field that could be evaluated while it works\n  help: leave --evaluate-every out, or choose corf-gs or rf-3dgs",
-                method.id()
-            )
-        })?;
+        ensure!(
+            is_possible(method)?,
+            "{} has no field that could be evaluated while it works: it looks its predictions up\n  help: leave --evaluate-every out, or choose \
+             a method that reconstructs, as corf-gs",
+            method.id()
+        );
+        let raster = if method.predicts_at_work() { None } else { raster(method)? };
         // LPIPS takes longer than all the rest.
         let input = Input { networks: Arc::default(), ..input.clone() };
         Ok(Self { every, due: every, input, split, raster, backend })
@@ -54,24 +56,30 @@ impl<'a> QualityWatch<'a> {
         backend: &'a Backend,
     ) -> Result<Option<Self>> {
         match every {
-            Some(every) if raster(method)?.is_some() => Self::new(every, method, input, split, backend).map(Some),
+            Some(every) if is_possible(method)? => Self::new(every, method, input, split, backend).map(Some),
             _ => Ok(None),
         }
     }
 
-    /// The quality of the field as it stands, where an evaluation is due and there is a field.
+    /// The quality of the field as it stands, where an evaluation is due and there is a field. At the end none is: the finished field is
+    /// evaluated by itself.
     ///
     /// # Errors
     /// Unreadable keyframes, a device that gives up, an interrupt.
     pub(super) fn look(&mut self, advance: &Advance<'_>) -> Result<Option<HeldOutQuality>> {
-        if advance.done < self.due {
+        if advance.done < self.due || advance.done >= advance.total {
             return Ok(None);
         }
-        let Some(field) = advance.field.and_then(|field| field.read()).filter(|field| !field.gaussians.is_empty()) else {
-            return Ok(None);
+        let predictor: Option<Box<dyn Predictor>> = match self.raster {
+            None => advance.predictor.map(|predictor| predictor.read()).transpose()?.flatten(),
+            Some(raster) => {
+                let field = advance.field.and_then(|field| field.read()).filter(|field| !field.gaussians.is_empty());
+                field.map(|field| Box::new(FieldPredictor::new(field, raster, self.backend)) as Box<dyn Predictor>)
+            }
         };
+        let Some(mut predictor) = predictor else { return Ok(None) };
         self.due = (advance.done / self.every + 1) * self.every;
-        self.of(&mut FieldPredictor::new(field, self.raster, self.backend)).map(Some)
+        self.of(predictor.as_mut()).map(Some)
     }
 
     /// The quality of a field.
@@ -82,6 +90,11 @@ impl<'a> QualityWatch<'a> {
         let frames = evaluate(predictor, &self.input, self.split, |_, _| Ok(()))?;
         Ok(HeldOutQuality::of(&frames))
     }
+}
+
+/// Whether a method can be evaluated while it works.
+fn is_possible(method: &dyn Method) -> Result<bool> {
+    Ok(method.predicts_at_work() || raster(method)?.is_some())
 }
 
 /// The rasteriser's settings of a method whose Gaussians are its light and its radio; none of another.

@@ -7,8 +7,12 @@ use crate::metrics::stats::Summary;
 pub const TOO_FEW_MARK: &str = "‡";
 /// What the mark means.
 pub const TOO_FEW_NOTE: &str = "‡ Mean of two seeds: too few for a confidence interval.";
+/// The same in LaTeX, behind the mark.
+pub const TOO_FEW_LATEX: &str = "Mean of two seeds: too few for a confidence interval.";
 /// Mark of what the maker of predictions states and nobody here has measured.
 pub const STATED_MARK: &str = "†";
+/// What that mark means, in LaTeX, behind it.
+pub const STATED_LATEX: &str = "As stated by the maker of the predictions, not measured here.";
 
 /// What stands in a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]

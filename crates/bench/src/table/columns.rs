@@ -1,7 +1,8 @@
 //! Which columns a table has: words that name them, and what each is.
 
 use crate::metrics::{COLUMNS, Column, RADIO};
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
+use corf_scene::words::nearest;
 use std::borrow::Cow;
 use std::fmt::Write;
 
@@ -108,9 +109,12 @@ fn of_short() -> Vec<&'static Column> {
 /// it leaves its column out. Without a metric those of `short`.
 ///
 /// # Errors
-/// A word that is none of them.
+/// A word that is empty or none of them; no metric that is left.
 pub fn columns<S: AsRef<str>>(words: &[S]) -> Result<Columns> {
     let words: Vec<&str> = words.iter().map(|word| word.as_ref().trim()).collect();
+    if let Some(at) = words.iter().position(|word| word.trim_start_matches('-').is_empty()) {
+        bail!("columns: word {} is empty\n  help: give keys with one comma between two, as psnr_opt,time", at + 1);
+    }
     let (left_out, wanted): (Vec<&str>, Vec<&str>) = words.iter().partition(|word| word.starts_with('-'));
     let mut extras: Vec<Extra> = wanted.iter().filter_map(|word| Extra::of(word)).collect();
     let metrics: Vec<&str> = wanted.into_iter().filter(|word| Extra::of(word).is_none()).collect();
@@ -133,6 +137,7 @@ pub fn columns<S: AsRef<str>>(words: &[S]) -> Result<Columns> {
             }
         }
     }
+    ensure!(!metrics.is_empty(), "columns: no metric is left of {}\n  help: name one that stays, as psnr_opt", words.join(","));
     Ok(Columns { metrics, extras: chosen.then_some(extras), first })
 }
 
@@ -150,8 +155,8 @@ fn metrics_of(words: &[&str]) -> Result<Vec<&'static Column>> {
                 None => {
                     let keys: Vec<&str> = COLUMNS.iter().map(|c| c.key).collect();
                     let others: Vec<&str> = GROUPS.iter().map(|g| g.0).chain(Extra::ALL.iter().map(|e| e.0)).collect();
-                    let meant =
-                        nearest(key, keys.iter().chain(&others)).map_or(String::new(), |near| format!("; did you mean {near}?"));
+                    let meant = nearest(key, keys.iter().chain(&others).copied())
+                        .map_or(String::new(), |near| format!("; did you mean {near}?"));
                     bail!("no column is called {key}{meant}\n  help: give {}, or keys of {}", others.join(", "), keys.join(", "))
                 }
             },
@@ -163,12 +168,6 @@ fn metrics_of(words: &[&str]) -> Result<Vec<&'static Column>> {
         }
     }
     Ok(out)
-}
-
-/// The word that is most like a misspelt one, where any is.
-fn nearest<'w>(word: &str, known: impl Iterator<Item = &'w &'static str>) -> Option<&'static str> {
-    let alike = known.map(|candidate| (strsim::jaro_winkler(word, candidate), *candidate));
-    alike.filter(|(likeness, _)| *likeness > 0.8).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, candidate)| candidate)
 }
 
 /// Groups of metrics by the words that name them.

@@ -10,11 +10,11 @@ pub mod paper;
 #[cfg(test)]
 mod tests;
 
-pub use cell::{Cell, TOO_FEW_MARK, TOO_FEW_NOTE, Value, text};
+pub use cell::{Cell, STATED_LATEX, TOO_FEW_LATEX, TOO_FEW_MARK, TOO_FEW_NOTE, Value, text};
 pub use columns::{Columns, columns, help_of_keys, short_columns};
 pub use devices::Place;
 pub use marks::Mark;
-pub use notations::{csv, latex, markdown, plain, present, siunitx};
+pub use notations::{csv, latex, latex_footnote, markdown, plain, present, siunitx};
 pub use note::note;
 
 use crate::metrics::Column;
@@ -161,6 +161,9 @@ pub struct Line<'a> {
     pub cells: Vec<Cell>,
 }
 
+/// Digits of times behind the point, of seconds.
+const SECONDS_DIGITS: usize = 1;
+
 /// The table of these rows with these columns of metrics; differences are to the first row.
 pub fn short<'a>(rows: &'a [Row<'a>], columns: &Columns) -> Short<'a> {
     short_with(rows, columns, USUAL)
@@ -174,12 +177,12 @@ fn short_with<'a>(rows: &'a [Row<'a>], columns: &Columns, usual: &[Extra]) -> Sh
     headings.extend(extras.iter().map(|extra| extra.heading(leading)));
     let measured = |r: &Row<'_>| if r.stated { None } else { r.seconds() };
     let of_metrics = columns.metrics.iter().map(|c| match c.higher_is_better() {
-        Some(higher) => marks::marks(&rows.iter().map(|r| r.metric(c)).collect::<Vec<_>>(), higher),
+        Some(higher) => marks::marks(&rows.iter().map(|r| r.metric(c)).collect::<Vec<_>>(), c.digits, higher),
         None => vec![Mark::None; rows.len()],
     });
     // Differences follow a metric, a number of Gaussians is neither good nor bad, and what is only stated is no rival.
     let of_extras = extras.iter().map(|extra| match extra {
-        Extra::Seconds => marks::marks(&rows.iter().map(measured).collect::<Vec<_>>(), false),
+        Extra::Seconds => marks::marks(&rows.iter().map(measured).collect::<Vec<_>>(), SECONDS_DIGITS, false),
         _ => vec![Mark::None; rows.len()],
     });
     let marked: Vec<Vec<Mark>> = of_metrics.chain(of_extras).collect();
@@ -191,7 +194,7 @@ fn short_with<'a>(rows: &'a [Row<'a>], columns: &Columns, usual: &[Extra]) -> Sh
                 Cell { bold: difference.is_some_and(|d| d.excludes_zero()), ..Cell::mean(difference, 2) }
             }
             Extra::Gaussians => Cell { stated: row.stated, ..Cell::mean(row.gaussians(), 0) },
-            Extra::Seconds => Cell { stated: row.stated, ..Cell::mean(row.seconds(), 1) },
+            Extra::Seconds => Cell { stated: row.stated, ..Cell::mean(row.seconds(), SECONDS_DIGITS) },
             Extra::Seeds => Cell::count(row.done.len()),
         });
         let cells = of_metrics.chain(of_extras).zip(&marked).map(|(cell, marks)| Cell { mark: marks[at], ..cell });

@@ -1,7 +1,7 @@
 //! The notations of a table: Markdown, CSV, LaTeX (plain, and with columns of siunitx), and aligned text for a terminal.
 
 use super::columns::Extra;
-use super::{Cell, Columns, Mark, Row, Short, Value, devices, short, short_with};
+use super::{Cell, Columns, Mark, Row, STATED_LATEX, Short, TOO_FEW_LATEX, Value, devices, short, short_with};
 use crate::files::escape;
 use crate::metrics::stats::Summary;
 use crate::metrics::{COLUMNS, Column};
@@ -109,6 +109,11 @@ fn latex_marks(cell: &Cell) -> String {
     if marks.is_empty() { marks } else { format!("^{{{marks}}}") }
 }
 
+/// A line below a table of so many columns that says what a mark in it means.
+pub fn latex_footnote(columns: usize, mark: &str, meaning: &str) -> String {
+    format!("  \\multicolumn{{{columns}}}{{l}}{{\\footnotesize $^{{{mark}}}$ {meaning}}} \\\\\n")
+}
+
 /// Whether a cell is set in bold: the best of its column, or a difference whose interval excludes zero.
 fn is_bold(cell: &Cell) -> bool {
     cell.bold || cell.mark == Mark::Best
@@ -124,11 +129,19 @@ fn tabular(short: &Short<'_>, spec: &str, headings: &[String], write: impl Fn(&C
         line.cells.iter().for_each(|cell| out.push_str(&format!(" & {}", write(cell))));
         out.push_str(" \\\\\n");
     }
+    out.push_str("  \\bottomrule\n");
+    let cells = || short.lines.iter().flat_map(|line| &line.cells);
+    if cells().any(Cell::is_of_two) {
+        out.push_str(&latex_footnote(headings.len() + 1, r"\ddagger", TOO_FEW_LATEX));
+    }
+    if cells().any(|cell| cell.stated && cell.value != Value::None) {
+        out.push_str(&latex_footnote(headings.len() + 1, r"\dagger", STATED_LATEX));
+    }
     // A comment ends with its line.
     let note = short.note.replace(char::is_control, " ");
     let _ = write!(
         out,
-        "  \\bottomrule\n\\end{{tabular}}\n% Bold: the best of its column, and differences to the first row whose interval excludes zero. {note}\n"
+        "\\end{{tabular}}\n% Bold: the best of its column as printed, and differences to the first row whose interval excludes zero. {note}\n"
     );
     out
 }

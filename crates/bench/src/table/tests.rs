@@ -330,6 +330,18 @@ fn every_column_can_be_chosen_or_left_out() {
     assert!(!latex(&rows, &short_columns()).contains("Delta") && latex(&rows, &short_columns()).contains("Gaussians"));
     let error = columns(&["psnr_op"]).unwrap_err().to_string();
     assert!(error.contains("did you mean psnr_opt?"), "{error}");
+    // The beginning of a key is known, an empty word is named as such, and a table has a metric.
+    for (words, said) in [
+        (&["psnr"][..], "did you mean psnr_opt?"),
+        (&["psnr_opt", "", "time"], "word 2 is empty"),
+        (&[" "], "word 1 is empty"),
+        (&["psnr_opt", "-"], "word 2 is empty"),
+        (&["-short"], "no metric is left"),
+        (&["psnr_opt", "-all", "time"], "no metric is left"),
+    ] {
+        let error = columns(words).unwrap_err().to_string();
+        assert!(error.contains(said) && error.contains("help: "), "{words:?}: {error}");
+    }
 }
 
 #[test]
@@ -345,7 +357,14 @@ fn two_seeds_show_their_mean_and_say_that_they_are_too_few() {
     assert!(table.contains("| two | 23.50 ‡ | 5.35 ‡ | 2 |"), "{table}");
     assert!(table.contains("over 3 seeds, 2 of two. ") && table.contains(TOO_FEW_NOTE), "{table}");
     let tex = latex(&mixed, &asked);
-    assert!(tex.contains(r"two & $\mathbf{23.50}^{\ddagger}$ & $5.35^{\ddagger}$ & $2$") && tex.contains(TOO_FEW_NOTE), "{tex}");
+    assert!(tex.contains(r"two & $23.50^{\ddagger}$ & $5.35^{\ddagger}$ & $2$") && tex.contains(TOO_FEW_NOTE), "{tex}");
+    // In what LaTeX sets, not in a comment alone; nothing is the best beside a mean of two.
+    for (tex, marks) in [(tex, true), (siunitx(&mixed, &asked), true), (latex(&rows(&records[..3]), &asked), false)] {
+        let set = tex.lines().map(|line| line.split('%').next().unwrap()).collect::<Vec<_>>().join("\n");
+        let line = r"  \multicolumn{4}{l}{\footnotesize $^{\ddagger}$ Mean of two seeds: too few for a confidence interval.} \\";
+        assert_eq!(set.contains(line), marks, "{set}");
+        assert!(!set.contains("bfseries ") && !set.contains("mathbf"), "{set}");
+    }
     assert!(plain(&mixed, &asked, None).contains(TOO_FEW_NOTE));
     // Where all have two there is no interval at all, and where none has, nothing is said of it.
     let pairs = rows(&records[3..]);

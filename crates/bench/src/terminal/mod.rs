@@ -5,7 +5,8 @@ pub mod messages;
 pub mod progress;
 pub mod shell;
 
-pub use corf_scene::config::{help_with_name, nearest};
+pub use corf_scene::config::help_with_name;
+pub use corf_scene::words::nearest;
 
 use std::io::IsTerminal;
 

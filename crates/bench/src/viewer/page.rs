@@ -4,6 +4,7 @@ use super::points;
 use super::scene::{self, SceneDocument};
 use super::splats;
 use super::subject::Subject;
+use crate::files::ending::check_file;
 use crate::files::escape::html as escape;
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
@@ -133,6 +134,7 @@ fn exported(subject: &mut Subject) -> Result<String> {
 /// A place that cannot be written, which is found before anything is rendered; whatever keeps a keyframe from being read or rendered.
 pub fn export(subject: &mut Subject, path: &Path) -> Result<usize> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    check_file("--export", path)?;
     ensure!(!path.is_dir(), "{} is a folder\n  help: name a file with --export, for example view.html", path.display());
     ensure!(folder.is_dir(), "{} is no folder, so no file can be written there\n  help: make it first", folder.display());
     tempfile::tempfile_in(folder)

@@ -12,6 +12,7 @@ use corf_scene::Pinhole;
 use corf_scene::color::{jet, quantize8};
 use corf_scene::dataset::Quantity;
 use corf_scene::keyframe::{DbRange, Modalities};
+use corf_scene::words::counted;
 use serde::Serialize;
 
 /// Colours of a ramp.
@@ -142,12 +143,12 @@ struct Names {
 impl Names {
     fn of(subject: &Subject, points: &PointCounts) -> Self {
         let (dataset, name) = (&subject.dataset, &subject.dataset.header().name);
-        let mut parts = vec![name.clone(), format!("{} keyframes", dataset.len())];
+        let mut parts = vec![name.clone(), counted(dataset.len(), "keyframe")];
         // No path: a page may be sent elsewhere.
         let mut about = format!("data set {name}, hash {}", dataset.hash());
         let title = match (&subject.run, &subject.work) {
             (Some(Run { info, .. }), _) => {
-                parts.extend(info.gaussians.map(|n| format!("{n} Gaussians")));
+                parts.extend(info.gaussians.map(|n| counted(n, "Gaussian")));
                 let protocol = info.protocol.name();
                 about = format!("seed {}, {protocol} protocol, {:.1} s on {}; {about}", info.seed, info.seconds, info.device);
                 info.method.clone()
@@ -157,7 +158,7 @@ impl Names {
                 work.method.clone()
             }
             (None, None) => {
-                parts.extend((points.light > 0).then(|| format!("{} points", points.light)));
+                parts.extend((points.light > 0).then(|| counted(points.light, "point")));
                 "data set".to_owned()
             }
         };

@@ -105,7 +105,15 @@ mod tests {
     fn percentiles_are_values_that_occurred_and_parts_add_up() {
         let timings: Vec<KeyframeTiming> = (1..=200)
             .rev()
-            .map(|i| KeyframeTiming { index: i, wait_s: 0.5, prepare_s: 0.25, expand_s: 1.0, train_s: i as f64, late_s: 0.5 })
+            .map(|i| KeyframeTiming {
+                index: i,
+                wait_s: 0.5,
+                prepare_s: 0.25,
+                expand_s: 1.0,
+                train_s: i as f64,
+                late_s: 0.5,
+                steps: None,
+            })
             .collect();
         let s = LatencySummary::of(&timings).unwrap();
         assert_eq!((s.train.median_s, s.train.p90_s, s.train.p99_s), (100.0, 180.0, 198.0));

@@ -322,7 +322,7 @@ impl Reconstructor {
         let weights = self.online_weights();
         let Self { device, ahead, schedule, config, .. } = self;
         let on_the_host = device.trains_on_the_host();
-        let train = || {
+        let mut train = || {
             let mut draw = |count| schedule.online(count, config.latest_probability, weights, config);
             amount.train(device.as_mut(), &mut draw).map(|(last, steps)| (last, steps, Instant::now()))
         };

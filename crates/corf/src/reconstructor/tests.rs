@@ -398,6 +398,42 @@ fn bad_keyframes_are_refused_with_their_index_and_leave_the_field_alone() {
     assert!(r.push(&keyframes(5)[4]).is_err());
 }
 
+/// A time takes the place of a number of steps: whole batches while it lasts, and one where expansion has already taken it.
+#[test]
+fn a_keyframe_with_a_time_takes_steps_while_it_lasts() {
+    let config = |ms| ReconstructionConfig { keyframe_budget_ms: Some(ms), ..Default::default() };
+    let (mut r, log, reports) = run(config(1.0), 1, &keyframes(4));
+    let steps: Vec<usize> = r.timings().iter().map(|t| t.steps.unwrap()).collect();
+    assert!(steps.len() == 4 && steps.iter().all(|n| *n >= 5 && n % 5 == 0), "{steps:?}");
+    assert_eq!(steps.iter().sum::<usize>(), log.lock().unwrap().steps.len());
+    assert_eq!(reports.iter().map(|r| r.steps).sum::<usize>(), steps.iter().sum::<usize>());
+    let (longer, ..) = run(config(200.0), 1, &keyframes(4));
+    for (timing, short) in longer.timings().iter().zip(&steps) {
+        assert!(timing.expand_s + timing.train_s > 0.1 && timing.steps.unwrap() > *short, "{timing:?}");
+    }
+    assert!(run(ReconstructionConfig::default(), 1, &keyframes(2)).0.timings().iter().all(|t| t.steps.is_none()));
+
+    r.finish(&mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
+    let before = log.lock().unwrap().steps.len();
+    let mut told = 0;
+    let time = std::time::Duration::from_millis(20);
+    let epochs = r
+        .fine_tune_for(time, &mut |_| {
+            told += 1;
+            std::ops::ControlFlow::Continue(())
+        })
+        .unwrap();
+    assert!(epochs > 1 && epochs == told);
+    assert_eq!(log.lock().unwrap().steps.len() - before, 4 * epochs, "an epoch is every keyframe once");
+    let stopped = r.fine_tune_for(time, &mut |_| std::ops::ControlFlow::Break(()));
+    assert!(matches!(stopped, Err(Error::Stopped)));
+
+    let settings = ReconstructionConfig { overlapped_iterations: 3, ..config(10.0) };
+    let idle = settings.idle_keys();
+    assert!(["iterations_per_keyframe", "overlapped_iterations"].iter().all(|key| idle.iter().any(|k| k.key == *key)));
+    assert!(config(0.5).validate().is_err() && config(f64::NAN).validate().is_err());
+}
+
 /// In a capture without light the Jet picture of the spectrum is what growth looks at; its pose, its spectrum and its camera are all that is read.
 #[test]
 fn without_light_growth_is_guided_by_the_spectrum() {

@@ -11,6 +11,7 @@ use corf_scene::config::{
 use corf_scene::dataset::SamplingError;
 use corf_scene::model::world_from_array;
 use corf_scene::trajectory::TrajectoryPose;
+use corf_scene::words::{counted, verb};
 use corf_scene::{Equirectangular, Finding, Pinhole, Raster, Result, Rigid3, Scene, Severity, near_field, radio_check};
 use glam::DMat3;
 use std::collections::BTreeMap;
@@ -44,7 +45,8 @@ pub fn geometry_warnings(scene: &Scene, transmission: bool) -> Vec<Finding> {
 pub fn open_edges_note(tracer: &RadioTracer<'_>) -> Option<Finding> {
     let (count, length_m) = tracer.open_edges_left_out();
     (count > 0).then(|| {
-        let what = format!("{count} open edges of sheets, {length_m:.1} m in all, do not diffract");
+        let does = verb(count, "does", "do");
+        let what = format!("{} of sheets, {length_m:.1} m in all, {does} not diffract", counted(count, "open edge"));
         let help = "trace them with --edge-diffraction (edge_diffraction = true), or close the bodies that they belong to";
         Finding::new(Severity::Note, "diffraction", what, help)
     })

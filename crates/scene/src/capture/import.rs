@@ -4,6 +4,7 @@ use super::options::CaptureOptions;
 use super::plan::Plan;
 use crate::dataset::{DatasetWriter, Extras, KeyframeContent};
 use crate::finding::{Finding, Severity};
+use crate::words::{counted, verb};
 use crate::{Error, Light, Radio, Raster, Result, io};
 use rayon::prelude::*;
 use std::path::Path;
@@ -65,7 +66,11 @@ impl LeftOut {
     fn note(&self) -> Option<String> {
         let [masks, pixels, of] = [&self.masks, &self.pixels, &self.of].map(|n| n.load(Ordering::Relaxed));
         (pixels > 0).then(|| {
-            format!("{:.1} % of the pixels of the {masks} images with masks do not count", 100.0 * pixels as f64 / of as f64)
+            format!(
+                "{:.1} % of the pixels of the {} with masks do not count",
+                100.0 * pixels as f64 / of as f64,
+                counted(masks, "image")
+            )
         })
     }
 
@@ -73,7 +78,7 @@ impl LeftOut {
     fn finding(&self) -> Option<Finding> {
         let [masks, pixels] = [&self.masks, &self.pixels].map(|n| n.load(Ordering::Relaxed));
         (masks > 0 && pixels == 0).then(|| {
-            let what = format!("the masks of {masks} images leave no pixel out");
+            let what = format!("{} {} no pixel out", counted(masks, "mask"), verb(masks, "leaves", "leave"));
             Finding::new(
                 Severity::Warning,
                 "masks",

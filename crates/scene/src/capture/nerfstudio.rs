@@ -10,6 +10,7 @@ use super::lens::Lens;
 use super::rounding::Rounding;
 use super::{Capture, Lists, Shot, json, names};
 use crate::contained::{self, Reach};
+use crate::words::{counted, verb};
 use crate::{Error, Pinhole, Result, Rigid3, bounds, io};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -88,7 +89,7 @@ impl Words {
     }
 
     fn notes(self) -> impl Iterator<Item = String> {
-        self.0.into_iter().map(|(what, (count, first))| format!("{what} ({count} frames, the first {first})"))
+        self.0.into_iter().map(|(what, (count, first))| format!("{what} ({}, the first {first})", counted(count, "frame")))
     }
 }
 
@@ -313,8 +314,11 @@ fn unread_masks(shots: &[Shot]) -> Option<String> {
     let count = shots.iter().filter(beside).count();
     (count > 0).then(|| {
         format!(
-            "{count} images have a dynamic_mask_*.png beside them, as Instant-NGP reads, which was not read: there white pixels do not count (--masks takes masks \
-             in which black ones do not)"
+            "{} {} a dynamic_mask_*.png beside {}, as Instant-NGP reads, which was not read: there white pixels do not count (--masks takes masks \
+             in which black ones do not)",
+            counted(count, "image"),
+            verb(count, "has", "have"),
+            verb(count, "it", "them")
         )
     })
 }

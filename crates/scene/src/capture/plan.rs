@@ -10,6 +10,7 @@ use crate::dataset::{ColoredPoint, DatasetHeader, Imported, Quantity};
 use crate::io::{self, Stored};
 use crate::keyframe::Modalities;
 use crate::trajectory::TrajectoryPose;
+use crate::words::{counted, verb};
 use crate::{Error, Pinhole, Result, bounds};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -223,7 +224,8 @@ fn radio(options: &CaptureOptions, own: Option<PathBuf>, shots: &[Shot], notes: 
     let list = Folder::list(&folder, spectra::ENDINGS, "--rf")?;
     let files = list.of(&names, "spectrum")?;
     if list.len() > files.len() {
-        notes.push(format!("{} spectra belong to no image and were left out", list.len() - files.len()));
+        let strange = list.len() - files.len();
+        notes.push(belong_to_none(strange, "spectrum"));
     }
     let survey = options.reading().survey(&files)?;
     let (width, height) = survey.size;
@@ -310,7 +312,7 @@ fn masks(options: &CaptureOptions, shots: &[Shot], light: bool, notes: &mut Vec<
             let found = list.of_some(&names, "mask")?;
             let strange = list.len() - found.iter().flatten().count();
             if strange > 0 {
-                notes.push(format!("{strange} masks belong to no image and were left out"));
+                notes.push(belong_to_none(strange, "mask"));
             }
             found
         }
@@ -325,10 +327,17 @@ fn masks(options: &CaptureOptions, shots: &[Shot], light: bool, notes: &mut Vec<
         return Ok(vec![None; shots.len()]);
     }
     notes.push(format!(
-        "{count} of {} images have masks: pixels where they are black, or transparent, are neither learnt from nor compared",
-        shots.len()
+        "{count} of {} {} masks: pixels where they are black, or transparent, are neither learnt from nor compared",
+        counted(shots.len(), "image"),
+        verb(count, "has", "have")
     ));
     Ok(found)
+}
+
+/// A note of files that are there beside those of the images.
+fn belong_to_none(count: usize, thing: &str) -> String {
+    let (belong, were) = (verb(count, "belongs", "belong"), verb(count, "was", "were"));
+    format!("{} {belong} to no image and {were} left out", counted(count, thing))
 }
 
 /// Looks for images with transparent pixels, which do not count.
@@ -353,9 +362,16 @@ fn transparency(options: &CaptureOptions, shots: &[Shot], notes: &mut Vec<String
     if count > 0 {
         let all = shots.len();
         notes.push(if options.ignore_masks {
-            format!("the transparency of {count} of {all} images was left out: all pixels count, as the colour below")
+            format!(
+                "the transparency of {count} of {} was left out: all pixels count, as the colour below",
+                counted(all, "image")
+            )
         } else {
-            format!("{count} of {all} images have transparent pixels: those that are not wholly opaque are neither learnt from nor compared")
+            format!(
+                "{count} of {} {} transparent pixels: those that are not wholly opaque are neither learnt from nor compared",
+                counted(all, "image"),
+                verb(count, "has", "have")
+            )
         });
     }
     Ok(())

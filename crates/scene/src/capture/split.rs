@@ -5,6 +5,7 @@ use super::options::SplitRule;
 use super::{Lists, Shot};
 use crate::config::SplitConfig;
 use crate::dataset::StatedSplit;
+use crate::words::counted;
 use crate::{Error, Result, io};
 use std::collections::BTreeSet;
 
@@ -40,7 +41,7 @@ pub(super) fn of(rule: Option<&SplitRule>, lists: Option<&Lists>, shots: &[Shot]
         (None, None) => return Ok((usual, None)),
     };
     if stated.train.is_empty() || stated.test.is_empty() {
-        let what = format!("{} keyframes train and {} are held out", stated.train.len(), stated.test.len());
+        let what = format!("{} to train with and {} held out", counted(stated.train.len(), "keyframe"), stated.test.len());
         return Err(Error::invalid("the split", what, "name some of each, or give --split N to hold out every N-th"));
     }
     Ok((usual, Some(stated)))

@@ -1,5 +1,6 @@
 //! Reading a TOML file with complaints a person can act on.
 
+use crate::words::nearest;
 use crate::{Error, Result, io};
 use serde::de::DeserializeOwned;
 use std::path::Path;
@@ -74,43 +75,9 @@ pub fn help_with_name(message: &str) -> Option<String> {
     })
 }
 
-/// The candidate nearest to `given` in edit distance, if it is near enough to be a misspelling.
-pub fn nearest<'a>(given: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let given = given.to_lowercase();
-    candidates
-        .into_iter()
-        .map(|c| (edit_distance(&given, &c.to_lowercase()), c))
-        .min_by_key(|(distance, _)| *distance)
-        .filter(|(distance, c)| *distance <= 1 + given.len().max(c.len()) / 3)
-        .map(|(_, c)| c)
-}
-
-/// Levenshtein distance over characters.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, cb) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(ca != *cb);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn edit_distance_of_textbook_words() {
-        assert_eq!(edit_distance("kitten", "sitting"), 3);
-        assert_eq!(edit_distance("", "abc"), 3);
-        assert_eq!(edit_distance("same", "same"), 0);
-    }
 
     #[test]
     fn an_unknown_name_is_found_within_other_words() {
@@ -118,11 +85,5 @@ mod tests {
         assert_eq!(help_with_name(said).unwrap(), "did you mean `steps`?");
         assert_eq!(help_with_name("unknown variant `q`, expected `jet` or `db`").unwrap(), "use one of: jet, db");
         assert_eq!(help_with_name("unknown method `q`"), None);
-    }
-
-    #[test]
-    fn nearest_refuses_what_is_no_misspelling() {
-        assert_eq!(nearest("keyframe", ["keyframes", "seed"]), Some("keyframes"));
-        assert_eq!(nearest("zzzzzz", ["keyframes", "seed"]), None);
     }
 }

@@ -20,11 +20,11 @@ pub(super) const MAX_DIRECTIONS: usize = 50_000_000;
 pub(super) fn check(lobe_deg: f64, directions: Option<usize>, place: &str) -> Result<()> {
     let fail = |what: String, help: String| Err(Error::invalid(format!("{place}: rf.lobe_width_deg"), what, help));
     if !(MIN_DEG..=MAX_DEG).contains(&lobe_deg) {
-        return fail(format!("{lobe_deg} degrees"), format!("give {MIN_DEG} to {MAX_DEG} degrees; 1 is usual"));
+        return fail(format!("{lobe_deg}°"), format!("give {MIN_DEG} to {MAX_DEG} degrees; 1 is usual"));
     }
     let Some(directions) = directions else { return Ok(()) };
     if lobe_deg > MAX_OF_DIFFUSE_DEG {
-        let what = format!("a lobe of {lobe_deg} degrees is wider than diffuse power is gathered for around the frame");
+        let what = format!("a lobe of {lobe_deg}° is wider than diffuse power is gathered for around the frame");
         return fail(what, format!("give at most {MAX_OF_DIFFUSE_DEG} degree, or leave diffuse power out"));
     }
     let spacing_deg = (4.0 * PI / directions as f64).sqrt().to_degrees();
@@ -33,7 +33,7 @@ pub(super) fn check(lobe_deg: f64, directions: Option<usize>, place: &str) -> Re
         return Ok(());
     }
     let what = format!(
-        "a lobe of {lobe_deg} degrees is narrower than {SPACINGS} times the {spacing_deg:.2} degrees between {directions} directions of diffuse power"
+        "a lobe of {lobe_deg}° is narrower than {SPACINGS} times the {spacing_deg:.2}° between {directions} directions of diffuse power"
     );
     let mut help = Vec::new();
     let enough = directions_for(lobe_deg);
@@ -67,10 +67,7 @@ mod tests {
     fn what_the_help_offers_is_accepted() {
         // Too narrow for so many directions: more of them, or a wider lobe.
         let message = checked(0.5, 200_000, true).unwrap_err();
-        assert!(
-            message.contains("0.5 degrees is narrower than 1.5 times the 0.45 degrees between 200000 directions"),
-            "{message}"
-        );
+        assert!(message.contains("0.5° is narrower than 1.5 times the 0.45° between 200000 directions"), "{message}");
         assert!(message.contains("at least 372000 directions, or a lobe of 0.682 to 1 degree"), "{message}");
         checked(0.5, 372_000, true).unwrap();
         checked(0.682, 200_000, true).unwrap();

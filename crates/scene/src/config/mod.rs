@@ -12,6 +12,6 @@ mod spectrum;
 pub use crate::import::UpAxis;
 pub use antenna::{AntennaPattern, BeamConfig, Orientation, Polarization, RearHalfSpace, ReceiverConfig, TransmitterConfig};
 pub use dataset::{DatasetConfig, Denoiser, LightConfig, LightMethod, SplitConfig};
-pub use load::{from_toml, help_with_name, nearest, read_toml};
+pub use load::{from_toml, help_with_name, read_toml};
 pub use scene::{RadioConfig, SceneConfig, SceneFile};
 pub use spectrum::{SpectrumConfig, SpectrumKind};

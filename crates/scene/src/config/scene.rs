@@ -1,10 +1,11 @@
 //! `scenes/*.toml`: which mesh, which carrier, where the transmitter stands, what the receiver is, how the platform moves.
 
-use super::{ReceiverConfig, TransmitterConfig, nearest, read_toml};
+use super::{ReceiverConfig, TransmitterConfig, read_toml};
 use crate::contained::Reach;
 use crate::import::{ImportOptions, UpAxis};
 use crate::radio_spec::RadioSpec;
 use crate::trajectory::TrajectoryConfig;
+use crate::words::nearest;
 use crate::{Error, Finding, Result, Scene, bounds};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

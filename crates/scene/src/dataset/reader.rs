@@ -7,6 +7,7 @@ use super::header::{DATASET_SCHEMA, DatasetHeader, Imported, MeanAndRange, from_
 use super::{foreign, layout};
 use crate::keyframe::{DbRange, Light, Modalities, Radio};
 use crate::trajectory::TrajectoryPose;
+use crate::words::counted;
 use crate::{Error, Finding, Keyframe, Pinhole, Raster, Result, Similarity3, bounds, far, io};
 use std::path::{Path, PathBuf};
 
@@ -52,7 +53,7 @@ impl Dataset {
         if file.header.poses.len() != file.keyframes {
             return Err(Error::invalid(
                 trajectory.display().to_string(),
-                format!("has {} keyframes where dataset.json says {}", file.header.poses.len(), file.keyframes),
+                format!("has {} where dataset.json says {}", counted(file.header.poses.len(), "keyframe"), file.keyframes),
                 "the files do not belong together; restore the original or generate the dataset again",
             ));
         }
@@ -216,7 +217,7 @@ impl Dataset {
         let Some(pose) = self.poses().get(index) else {
             return Err(Error::invalid(
                 format!("{}: keyframe {index}", self.dir.display()),
-                format!("the dataset has {} keyframes", self.len()),
+                format!("the dataset has {}", counted(self.len(), "keyframe")),
                 "indices count from 0",
             ));
         };

@@ -297,6 +297,9 @@ fn frames_that_are_no_measurements_are_refused() {
     let silence = Radio { spectrum: Raster::filled(12, 8, 0.0) };
     (0..COUNT).for_each(|i| writer.write_frame(i, &KeyframeContent { radio: Some(silence.clone()), ..frame(i) }).unwrap());
     assert!(text(writer.finish().unwrap_err()).contains("no keyframe received any power"));
+    // Nothing could go on with it.
+    let left: Vec<_> = std::fs::read_dir(dir.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert!(left.is_empty(), "{left:?}");
 }
 
 #[test]

@@ -11,6 +11,7 @@ use super::{identity, layout, leftovers};
 use crate::finding::Finding;
 use crate::keyframe::{DbRange, Light, Radio};
 use crate::trajectory::TrajectoryPose;
+use crate::words::counted;
 use crate::{Error, Raster, Result, Rigid3, io};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -254,7 +255,7 @@ impl DatasetWriter {
         frame: &KeyframeContent,
     ) -> Result<()> {
         if pose.index != self.len() {
-            let what = format!("it is to follow {} keyframes", self.len());
+            let what = format!("it is to follow {}", counted(self.len(), "keyframe"));
             return Err(Error::invalid(format!("keyframe {}", pose.index), what, "append keyframes in order"));
         }
         self.header.poses.push(pose);
@@ -313,7 +314,11 @@ impl DatasetWriter {
     fn write(&self, index: usize, frame: &KeyframeContent, appended: Option<Appended>) -> Result<()> {
         let place = format!("keyframe {index}");
         if index >= self.len() {
-            return Err(Error::invalid(place, format!("the dataset has {} keyframes", self.len()), "indices count from 0"));
+            return Err(Error::invalid(
+                place,
+                format!("the dataset has {}", counted(self.len(), "keyframe")),
+                "indices count from 0",
+            ));
         }
         if self.finished {
             return Ok(());
@@ -440,7 +445,8 @@ impl DatasetWriter {
     /// grew can grow on ([`Self::growing`]) until [`forget_progress`].
     ///
     /// # Errors
-    /// A keyframe is missing, no keyframe received any power or one more than a stated range has, or a file cannot be read or written.
+    /// A keyframe is missing, no keyframe received any power (of what was generated nothing is kept then) or one more than a stated range has, or a
+    /// file cannot be read or written.
     pub fn finish(&self) -> Result<()> {
         self.finish_with_points(&[])
     }
@@ -462,7 +468,13 @@ impl DatasetWriter {
             ));
         }
         let records: Vec<FrameRecord> = (0..self.len()).map(|i| self.record(i)).collect::<Result<_>>()?;
-        let range = self.range_of(records.iter().map(|r| r.peak).fold(0.0, f32::max))?;
+        let peak = records.iter().map(|r| r.peak).fold(0.0, f32::max);
+        let range = self.range_of(peak).inspect_err(|_| {
+            // Whatever is changed now makes another data set. What cannot be removed is no worse than before.
+            if peak <= 0.0 && self.header.imported.is_none() {
+                let _ = leftovers::discard(&self.dir, records.iter().flat_map(|r| r.files.keys()).map(String::as_str));
+            }
+        })?;
 
         let shares = records.iter().map(|r| r.share_in_frame);
         let radio_frames = RadioFrames {
@@ -530,7 +542,7 @@ impl DatasetWriter {
             let help = if self.header.imported.is_some() {
                 "check the files of the spectra and the decibel range that was stated with them"
             } else {
-                "check the transmitter's position (inside the room, not inside furniture) and the radio materials"
+                "check the transmitter's position (inside the room, not inside furniture) and the radio materials; nothing was kept"
             };
             return Err(Error::invalid(place, "no keyframe received any power", help));
         }

@@ -10,6 +10,7 @@ use crate::config::SceneConfig;
 use crate::itu;
 use crate::model::{Permittivity, RadioMaterial, world_from_array};
 use crate::radio_spec::{PatternName, RadioSpec};
+use crate::words::{counted, verb};
 use crate::{Error, Result, Scene, io, trajectory};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -250,7 +251,7 @@ fn poses(config: &SceneConfig, count: usize) -> Result<Vec<PoseEntry>> {
     let Some(way) = &config.trajectory else {
         return Err(Error::invalid(
             config.source.display().to_string(),
-            format!("{count} poses were asked for, and there is no [trajectory]"),
+            format!("{} {} asked for, and there is no [trajectory]", counted(count, "pose"), verb(count, "was", "were")),
             "add one, or ask for no poses",
         ));
     };

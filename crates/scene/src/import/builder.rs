@@ -2,6 +2,7 @@
 
 use super::ImportReport;
 use crate::model::{Scene, Triangle};
+use crate::words::counted;
 use crate::{Error, Result, far};
 use glam::{DMat3, DMat4, DVec3, Vec3};
 
@@ -146,7 +147,7 @@ fn check(p: &Primitive, place: &str) -> Result<()> {
         if count != 0 && count != n {
             return Err(Error::invalid(
                 place,
-                format!("{what} has {count} values for {n} positions"),
+                format!("{what} has {} for {}", counted(count, "value"), counted(n, "position")),
                 "every attribute needs one value a vertex; export the model again",
             ));
         }

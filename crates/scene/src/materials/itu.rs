@@ -62,7 +62,7 @@ pub fn names() -> Vec<&'static str> {
 pub fn properties(name: &str, frequency_hz: f64) -> Result<(f64, f64)> {
     let rows: Vec<&ItuMaterial> = TABLE_3.iter().filter(|m| m.name == name).collect();
     if rows.is_empty() {
-        let near = crate::config::nearest(name, names()).map_or(String::new(), |n| format!("did you mean `{n}`? "));
+        let near = crate::words::nearest(name, names()).map_or(String::new(), |n| format!("did you mean `{n}`? "));
         return Err(Error::invalid(
             format!("radio material `{name}`"),
             "ITU-R P.2040-3 has no such material",
@@ -125,7 +125,7 @@ impl RadioMaterial {
         match &self.permittivity {
             Permittivity::Itu(name) => {
                 if !names().contains(&name.as_str()) {
-                    let near = crate::config::nearest(name, names()).map_or(String::new(), |n| format!("did you mean `{n}`? "));
+                    let near = crate::words::nearest(name, names()).map_or(String::new(), |n| format!("did you mean `{n}`? "));
                     let help = format!("{near}known: {}", names().join(", "));
                     return fail(format!("itu = \"{name}\" is not in ITU-R P.2040-3"), &help);
                 }

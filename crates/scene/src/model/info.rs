@@ -2,6 +2,7 @@
 
 use crate::finding::{Finding, Severity};
 use crate::model::{LightMaterial, Scene};
+use crate::words::{counted, verb};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -107,8 +108,11 @@ impl std::fmt::Display for SceneInfo {
         writeln!(f, "{}", self.name)?;
         writeln!(
             f,
-            "  {} objects, {} triangles, {} vertices, {:.1} m² of surface",
-            self.objects, self.triangles, self.vertices, self.area_m2
+            "  {}, {}, {}, {:.1} m² of surface",
+            counted(self.objects, "object"),
+            counted(self.triangles, "triangle"),
+            counted(self.vertices, "vertex"),
+            self.area_m2
         )?;
         if let Some([min, max]) = self.bounds_m {
             let size: Vec<String> = min.iter().zip(max).map(|(a, b)| format!("{:.2}", b - a)).collect();
@@ -124,11 +128,13 @@ impl std::fmt::Display for SceneInfo {
                 max[2]
             )?;
         }
-        writeln!(f, "  {} textures, {:.1} million texels", self.textures, self.texels as f64 / 1e6)?;
+        writeln!(f, "  {}, {:.1} million texels", counted(self.textures, "texture"), self.texels as f64 / 1e6)?;
         writeln!(
             f,
-            "  {} emissive triangles ({:.2} m²), {} punctual lights",
-            self.emissive_triangles, self.emissive_area_m2, self.punctual_lights
+            "  {} ({:.2} m²), {}",
+            counted(self.emissive_triangles, "emissive triangle"),
+            self.emissive_area_m2,
+            counted(self.punctual_lights, "punctual light")
         )?;
         let width = self.materials.iter().map(|m| m.name.chars().count()).max().unwrap_or(0).max(8);
         writeln!(f, "  {:width$} {:>9} {:>10}  radio", "material", "triangles", "area m²")?;
@@ -196,7 +202,12 @@ fn check_numbers(scene: &Scene, findings: &mut Vec<Finding>) {
     if scene.normals.len() != n || scene.uvs.len() != n {
         findings.push(Finding::error(
             name,
-            format!("{n} positions, {} normals, {} texture coordinates", scene.normals.len(), scene.uvs.len()),
+            format!(
+                "{}, {}, {}",
+                counted(n, "position"),
+                counted(scene.normals.len(), "normal"),
+                counted(scene.uvs.len(), "texture coordinate")
+            ),
             "every vertex needs one of each",
         ));
         return;
@@ -245,7 +256,7 @@ fn check_triangles(scene: &Scene, findings: &mut Vec<Finding>) {
         findings.push(Finding::new(
             Severity::Warning,
             name,
-            format!("{degenerate} triangles have no area"),
+            format!("{} {} no area", counted(degenerate, "triangle"), verb(degenerate, "has", "have")),
             "they are never hit; the importer drops them",
         ));
     }

@@ -15,6 +15,7 @@ use crate::run::{claim_fresh, claim_output, claim_shared};
 use anyhow::Result;
 use clap::Args;
 use corf_scene::Error;
+use corf_scene::words::counted;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -111,7 +112,7 @@ impl PlanCommand {
             .iter()
             .map(|cell| format!("{}  {}, seed {}, {}", cell.id, cell.row, cell.seed, cell.split.name()))
             .collect();
-        let text = format!("{}\n{} cells, {unfinished} of them to run", lines.join("\n"), lines.len());
+        let text = format!("{}\n{}, {unfinished} to run", lines.join("\n"), counted(lines.len(), "cell"));
         show(as_json, &planned.list, &text)?;
         Ok(Verdict::Done)
     }
@@ -201,8 +202,8 @@ impl Collect {
         let same = rebuilt.differing.is_empty();
         let text = if same {
             format!(
-                "{} records in {}, tables and report byte for byte those of the archive",
-                rebuilt.records.len(),
+                "{} in {}, tables and report byte for byte those of the archive",
+                counted(rebuilt.records.len(), "record"),
                 out.display()
             )
         } else {

@@ -29,6 +29,7 @@ use crate::terminal;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use corf_scene::io::{read, write_atomic};
+use corf_scene::words::counted;
 use std::path::{Path, PathBuf};
 
 /// Run plans, write tables and reports.
@@ -261,7 +262,7 @@ impl Pack {
             all.extend(records);
         }
         packed.finish()?;
-        let text = format!("{} records in {}", all.len(), self.out.display());
+        let text = format!("{} in {}", counted(all.len(), "record"), self.out.display());
         show(json, &serde_json::json!({ "records": all.len(), "out": self.out }), &text)?;
         Ok(Verdict::Done)
     }

@@ -18,6 +18,7 @@ use corf_scene::export::nerfstudio::Nerfstudio;
 use corf_scene::export::rf_3dgs::Rf3dgs;
 use corf_scene::export::{File, FolderExport};
 use corf_scene::io::write_atomic;
+use corf_scene::words::counted;
 use std::path::PathBuf;
 
 /// `corf dataset export`.
@@ -133,7 +134,7 @@ impl Export {
     }
 
     fn report(&self, dataset: &Dataset, json: bool) -> Result<Verdict> {
-        let text = format!("{} keyframes in {}", dataset.len(), self.out.display());
+        let text = format!("{} in {}", counted(dataset.len(), "keyframe"), self.out.display());
         show(json, &serde_json::json!({ "keyframes": dataset.len(), "out": self.out }), &text)?;
         Ok(Verdict::Done)
     }

@@ -12,13 +12,13 @@ use clap::{Args, ValueEnum};
 use corf_scene::capture::{self, CaptureOptions, Format, Offset, RadioCamera, RadioValues, SplitRule, Up};
 use corf_scene::dataset::{Dataset, Quantity};
 use corf_scene::keyframe::DbRange;
+use corf_scene::words::counted;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Mutex;
 
 /// `corf dataset import`.
 #[derive(Args)]
-#[command(allow_negative_numbers = true)]
 pub struct Import {
     /// Folder of the capture.
     source: PathBuf,
@@ -43,10 +43,10 @@ pub struct Import {
     radio: Option<PathBuf>,
     /// Camera of the spectra, which stands where the images' does and is turned as it: its full horizontal field of view in degrees (square pixels,
     /// axis in the middle), or FX,FY,CX,CY in pixels. rf-3dgs has one; elsewhere it must be given.
-    #[arg(long = "rf-camera", value_name = "HFOV|FX,FY,CX,CY")]
+    #[arg(long = "rf-camera", value_name = "HFOV|FX,FY,CX,CY", allow_hyphen_values = true)]
     radio_camera: Option<Numbers>,
     /// Levels of the darkest and the brightest value of spectra that are pictures, dB; of others, the range that the data set is to have.
-    #[arg(long = "rf-db", value_name = "MIN,MAX")]
+    #[arg(long = "rf-db", value_name = "MIN,MAX", allow_hyphen_values = true)]
     radio_db: Option<Numbers>,
     /// Unit of the values in EXR and .npy spectra (default: linear).
     #[arg(long = "rf-values", value_enum, value_name = "RF_VALUES")]
@@ -288,7 +288,7 @@ impl Import {
         report.notes.iter().for_each(|line| note!("{line}"));
         messages::findings(report.findings);
         messages::findings(dataset.far_finding());
-        let mut text = format!("{}: {} keyframes", self.out.display(), dataset.len());
+        let mut text = format!("{}: {}", self.out.display(), counted(dataset.len(), "keyframe"));
         text += if dataset.modalities().light { ", images" } else { ", no images" };
         text += if dataset.has_depth() {
             " with depth"

@@ -17,6 +17,7 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use corf_scene::Severity;
 use corf_scene::dataset::{self, Dataset};
+use corf_scene::words::counted;
 use std::path::PathBuf;
 
 /// Generate, import, export, publish, play or check a keyframe dataset.
@@ -108,7 +109,7 @@ fn summary(dataset: &Dataset) -> String {
     };
     let images = if header.modalities.light { "" } else { ", no images" };
     let masks = if dataset.has_masks() { ", masks" } else { "" };
-    let mut text = format!("{}: {} keyframes, {spectra}{images}{masks}", header.name, dataset.len());
+    let mut text = format!("{}: {}, {spectra}{images}{masks}", header.name, counted(dataset.len(), "keyframe"));
     if let Some(share) = dataset.share_in_frame_summary() {
         let [mean, min, max] = [share.mean, share.min, share.max].map(|s| 100.0 * s);
         text += &format!("\nof the arriving power {mean:.1} % falls into the RF frame ({min:.1} to {max:.1} % a keyframe)");
@@ -136,7 +137,7 @@ impl Generate {
         let Generated { dataset: made, findings } = generate::generate(&config, &self.out, options)?;
         let spectra =
             made.db_range().map(|r| format!(", spectra from {:.0} to {:.0} dB", r.min_db, r.max_db)).unwrap_or_default();
-        let text = format!("{}: {} keyframes{spectra}, hash {}", self.out.display(), made.len(), made.hash());
+        let text = format!("{}: {}{spectra}, hash {}", self.out.display(), counted(made.len(), "keyframe"), made.hash());
         show(json, made.header(), &text)?;
         let failed = self.strict && findings.iter().any(|f| f.severity == Severity::Warning);
         Ok(if failed { Verdict::CheckFailed } else { Verdict::Done })

@@ -12,6 +12,7 @@ use clap::Args;
 use corf_scene::dataset::{Dataset, stem};
 use corf_scene::io::{encode_cut_out, read, read_png, write_atomic};
 use corf_scene::live::{DEPTH, DESCRIPTION, END, IMAGES, LiveDescription, POSES, SPECTRA, pose_text};
+use corf_scene::words::counted;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -96,7 +97,7 @@ impl Play {
         show(
             json,
             &serde_json::json!({ "keyframes": count, "seconds": seconds, "latest_s": latest_s, "to": self.to }),
-            &format!("{count} keyframes in {seconds:.1} s into {}", self.to.display()),
+            &format!("{} in {seconds:.1} s into {}", counted(count, "keyframe"), self.to.display()),
         )?;
         Ok(Verdict::Done)
     }

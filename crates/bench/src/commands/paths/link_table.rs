@@ -1,6 +1,7 @@
 //! `corf paths` as a table: a row a link, CSV or NPZ by the ending of the file.
 
 use super::{Paths, Traced};
+use crate::files::ending::ending;
 use crate::radio_link::LinkSetup;
 use corf_raytrace::radio::channel::LinkStatistics;
 use corf_scene::Error;
@@ -18,7 +19,7 @@ pub(super) enum Form {
 impl Form {
     /// The form that a file's ending says, if it is one of a table.
     pub(super) fn of(path: &Path) -> Option<Self> {
-        let ending = path.extension()?.to_str()?.to_ascii_lowercase();
+        let ending = ending(path)?;
         [("csv", Self::Csv), ("npz", Self::Npz)].into_iter().find(|(name, _)| *name == ending).map(|(_, form)| form)
     }
 

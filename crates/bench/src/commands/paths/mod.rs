@@ -6,6 +6,7 @@ mod scenario;
 
 use self::link_table::Form;
 use super::{Verdict, print};
+use crate::files::ending::{check_file, ending};
 use crate::files::separation::{Reads, keep_apart, keep_from_scene};
 pub(super) use crate::radio_link::Point;
 use crate::radio_link::{Grid, LinkArgs, LinkSetup, receivers};
@@ -81,7 +82,7 @@ pub struct Paths {
     #[arg(long, value_name = "SECONDS", conflicts_with = "rx_trajectory")]
     interval: Option<f64>,
     /// Output: paths with link statistics, a table of links, Sionna RT's arrays, DeepMIMO's matrices, or a scenario that DeepMIMO or ns-3 loads.
-    /// Without it the ending of --out says: `.csv` and `.npz` are a table, all else is json.
+    /// Without it the ending of --out says: `.csv` and `.npz` are a table, `.json` and none are json.
     #[arg(long, value_enum)]
     format: Option<Format>,
     /// Output file; without it, standard output. `.csv` or `.npz` for `table`, `.npz` for `npz` and, if wished, `sionna`; a new folder for
@@ -142,7 +143,15 @@ impl Paths {
     /// A scene that cannot be read or traced, a transmitter at the receiver, an end inside of a body.
     pub fn run(self) -> Result<Verdict> {
         let form = self.out.as_deref().and_then(Form::of);
-        let format = self.format.unwrap_or(if form.is_some() { Format::Table } else { Format::Json });
+        let format = match (self.format, &self.out) {
+            (Some(format), _) => format,
+            (None, _) if form.is_some() => Format::Table,
+            (None, Some(out)) if ending(out).is_some_and(|ending| ending != "json") => {
+                let help = "give a name that ends in .json, .csv or .npz, or say --format";
+                return Err(Error::invalid(format!("--out {}", out.display()), "its ending is that of no output", help).into());
+            }
+            (None, _) => Format::Json,
+        };
         if format == Format::Deepmimo {
             return self.scenario();
         }
@@ -152,6 +161,9 @@ impl Paths {
         if self.interval.is_some() {
             let help = "leave it out, or choose --format qd or qd-json";
             return Err(Error::invalid("--interval", "receivers are places here, and have no time", help).into());
+        }
+        if let Some(out) = &self.out {
+            check_file("--out", out)?;
         }
         let archive = form == Some(Form::Npz);
         let table = (format == Format::Table).then(|| Form::of_output(self.out.as_deref())).transpose()?;

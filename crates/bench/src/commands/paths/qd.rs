@@ -8,6 +8,7 @@ use crate::run::claim_fresh;
 use anyhow::Result;
 use corf_raytrace::radio::export::{QdForm, qd_scenario};
 use corf_raytrace::radio::{Antenna, AntennaPattern, DiffuseSettings, SPEED_OF_LIGHT};
+use corf_scene::words::counted;
 use corf_scene::{Error, bounds, io, trajectory};
 use glam::DVec3;
 
@@ -43,7 +44,8 @@ impl Paths {
         let mut setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
         setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
         if setup.transmitters.len() != 1 {
-            let what = format!("{} transmitters: ns-3 asks for the channels between them as well", setup.transmitters.len());
+            let what =
+                format!("{}: ns-3 asks for the channels between them as well", counted(setup.transmitters.len(), "transmitter"));
             return Err(Error::invalid("--tx", what, "write a folder for each").into());
         }
         scenario::check(&setup, "ns-3", "its codebook the array")?;
@@ -56,9 +58,10 @@ impl Paths {
         folder.finish()?;
         let (steps, bare) = (traced.set.receivers.len(), traced.set.links.iter().filter(|link| link.paths.is_empty()).count());
         note!(
-            "{steps} steps {interval_s} s apart with up to {} paths each, {bare} of them without any; delays are lengths over \
+            "{} {interval_s} s apart with up to {} each, {bare} of them without any; delays are lengths over \
              {SPEED_OF_LIGHT} m/s, where NIST's own tracer takes 3e8",
-            traced.set.max_paths()
+            counted(steps, "step"),
+            counted(traced.set.max_paths(), "path")
         );
         let element = |antenna: &Antenna| antenna.pattern != AntennaPattern::Iso || antenna.beam.is_some();
         if element(&setup.transmitters[0].array.element) || element(&setup.rx_array.element) {

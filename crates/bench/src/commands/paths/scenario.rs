@@ -4,6 +4,7 @@ use crate::note;
 use crate::radio_link::LinkSetup;
 use anyhow::Result;
 use corf_raytrace::radio::export::{PathSet, deepmimo_scenario};
+use corf_scene::words::counted;
 use corf_scene::{Error, io};
 use std::path::Path;
 
@@ -63,9 +64,11 @@ pub(in crate::commands) fn write(setup: &LinkSetup, set: &PathSet<'_>, out: &Pat
 pub(in crate::commands) fn report(set: &PathSet<'_>, out: &Path) {
     let (links, paths) = (set.links.len(), set.max_paths());
     note!(
-        "{links} links with up to {paths} paths each: deepmimo.config.set(\"scenarios_folder\", PARENT), then deepmimo.load(\"{}\", max_paths={paths}), \
+        "{} with up to {} each: deepmimo.config.set(\"scenarios_folder\", PARENT), then deepmimo.load(\"{}\", max_paths={paths}), \
          by name alone, for it reads an absolute path in small letters; compute_channels divides a response over N subcarriers by √N (27.1 dB at 512), \
          and taps in time by nothing",
+        counted(links, "link"),
+        counted(paths, "path"),
         out.file_name().unwrap_or_default().display()
     );
 }

@@ -94,6 +94,8 @@ impl Follow<'_> {
         let method = CorfGs::new(self.method, &methods::registry::settings(self.method, &overrides)?, &self.backend)?;
         methods::registry::check_given(&method, &self.overrides, None)?;
         method.check_description(&description)?;
+        // A device that cannot be opened is known before the first file.
+        let device = method.open_device()?;
         let begun = Begun {
             schema: UNFINISHED_SCHEMA.to_owned(),
             folder: std::path::absolute(folder)?,
@@ -137,10 +139,12 @@ impl Follow<'_> {
         interrupt::let_first_end_input(true);
         note!("following {}: {} on {}", folder.display(), self.method, method.device());
         session.wait_for_first()?;
-        let work =
-            harness::clocked(|advance| method.follow(&mut session, self.seed, advance), &|| Duration::ZERO, None, &mut |_| {
-                interrupt::check()
-            });
+        let work = harness::clocked(
+            |advance| method.follow(device, &mut session, self.seed, advance),
+            &|| Duration::ZERO,
+            None,
+            &mut |_| interrupt::check(),
+        );
         interrupt::let_first_end_input(false);
         let result = work?;
         // First: what is reconstructed stays, whatever becomes of the data set.

@@ -3,6 +3,7 @@
 mod follow;
 
 use self::follow::Follow;
+use super::config::of_method;
 use super::{Verdict, assignments, show};
 use crate::charts::{self, ColourMap};
 use crate::device::DeviceChoice;
@@ -29,6 +30,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use corf::Field;
 use corf_scene::io::write_atomic;
+use corf_scene::words::counted;
 use std::path::{Path, PathBuf};
 
 /// `corf reconstruct`.
@@ -91,7 +93,7 @@ pub struct Reconstruct {
     /// Show the field in a browser while it grows: serves a page on 127.0.0.1 until the reconstruction ends, at this port or at one that is free.
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", value_parser = view_port)]
     view: Option<u16>,
-    /// Evaluate the field on the held-out keyframes after every N training keyframes (rf-3dgs: steps) and at the end, for a curve of quality over
+    /// Evaluate the field on the held-out keyframes after every N training keyframes (steps of methods that work in steps) and at the end, for a curve of quality over
     /// time in run.json and quality.svg. The evaluations are none of the run's seconds, and the field is that of a run without them, byte for byte.
     #[arg(long, value_name = "N", conflicts_with = "follow")]
     evaluate_every: Option<usize>,
@@ -147,7 +149,11 @@ impl Reconstruct {
                 text.parse().with_context(|| format!("{} is no TOML", path.display()))?
             }
         };
-        methods::merge(&mut table, assignments::table(&self.overrides)?);
+        let given = assignments::table(&self.overrides)?;
+        if let Ok(keys) = of_method(&self.method) {
+            assignments::check_tables(&given, &keys)?;
+        }
+        methods::merge(&mut table, given);
         if let Some(epochs) = self.fine_tune {
             table.insert("fine_tune_epochs".to_owned(), toml::Value::Integer(i64::try_from(epochs)?));
         }
@@ -329,21 +335,13 @@ impl Drop for Begun {
 }
 
 fn summary(info: &RunInfo) -> String {
-    let gaussians = info.gaussians.map_or(String::new(), |g| format!(", {g} Gaussians"));
+    let gaussians = info.gaussians.map_or(String::new(), |g| format!(", {}", counted(g, "Gaussian")));
     let mut text = format!("{} in {:.2} s on {}{gaussians}", info.method, info.seconds, info.device);
     if info.resumed_keyframes > 0 {
-        text += &format!("; {} keyframes came from a checkpoint", info.resumed_keyframes);
+        text += &format!("; {} came from a checkpoint", counted(info.resumed_keyframes, "keyframe"));
     }
     if info.resumed_steps > 0 {
-        text += &format!("; {} steps came from a checkpoint", info.resumed_steps);
-    }
-    if let Some(quality) = info.curve.last().and_then(|point| point.held_out) {
-        let decibels = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.2} dB"));
-        text += &format!(
-            "\nheld-out PSNR of the finished field: spectrum (dB) {}, image {}",
-            decibels(quality.psnr_rf_scalar),
-            decibels(quality.psnr_opt)
-        );
+        text += &format!("; {} came from a checkpoint", counted(info.resumed_steps, "step"));
     }
     for stage in &info.stages {
         text += &format!("\n  {:<10} {:>10.2} s", stage.name, stage.seconds);
@@ -378,7 +376,7 @@ fn summary(info: &RunInfo) -> String {
     text
 }
 
-/// Where the run is, what it is worth on the held-out keyframes where it was evaluated, and the commands to type next.
+/// Where the run is, what it is worth on the held-out keyframes where it was evaluated, by `corf evaluate` or at its end, and the commands to type next.
 fn ending(out: &Path, info: &RunInfo) -> String {
     let folder = shell::word(&out.display().to_string());
     let mut text = format!("\nrun:  {}", out.display());
@@ -388,6 +386,9 @@ fn ending(out: &Path, info: &RunInfo) -> String {
             "\nheld-out keyframes:\n{}",
             table::plain(&table::rows(std::slice::from_ref(record)), &columns, terminal::width()).trim_end()
         );
+    }
+    if let Some(quality) = info.curve.last().and_then(|point| point.held_out).filter(|_| record.is_none()) {
+        text += &format!("\nheld-out keyframes: {}", quality.text());
     }
     let evaluate = format!("corf evaluate {folder}");
     let view = format!("corf view {folder}");

@@ -14,9 +14,9 @@ use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, Trainin
 use crate::note;
 use crate::scenes::behind::SceneBehind;
 use anyhow::{Context, Result, ensure};
-use corf::array_field::{ArrayConfig, ArrayTrainer, Image, SensorSettings, Surface};
+use corf::array_field::{ArrayConfig, ArrayField, ArrayTrainer, Image, SensorSettings, Surface};
 use corf::config::Coupling;
-use corf::{IdleKey, RasterConfig, Reconstructor};
+use corf::{Field, IdleKey, RasterConfig, Reconstructor};
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
 use online::Online;
 use schemars::{JsonSchema, schema_for};
@@ -53,7 +53,11 @@ impl CorfArrayConfig {
         let light: toml::Table = own.context("in key light")?;
         let light = CorfGsConfig::parse(&light).context("in key light")?;
         ensure!(
-            light.fine_tune_epochs == 0 && light.fine_tune_s.is_none() && light.reconstruction.keyframe_budget_ms.is_none() && light.initial_gaussians.is_none() && light.reconstruction.coupling == Coupling::Joint,
+            light.fine_tune_epochs == 0
+                && light.fine_tune_s.is_none()
+                && light.reconstruction.keyframe_budget_ms.is_none()
+                && light.initial_gaussians.is_none()
+                && light.reconstruction.coupling == Coupling::Joint,
             "light.fine_tune_epochs, light.fine_tune_s, light.keyframe_budget_ms, light.initial_gaussians and light.coupling are stages of corf-gs\n  help: leave them out"
         );
         let oracle_scene = rest.remove(ORACLE_SCENE).map_or_else(|| Ok(None), |v| v.try_into().map(Some));
@@ -208,6 +212,10 @@ impl Method for CorfArray {
         self.backend.name()
     }
 
+    fn predicts_at_work(&self) -> bool {
+        true
+    }
+
     fn uses_ground_truth_depth(&self) -> bool {
         self.config.light.reconstruction.consumes_ground_truth_depth()
     }
@@ -265,6 +273,10 @@ impl Method for CorfArray {
         let radio = on_device(ArrayTrainer::new(*radio, self.sensor(training)?, radio_camera, range, seed), &self.backend)?;
         let reconstruction = self.light(training)?.reconstruction;
         let device = light.device(&self.backend)?;
+        let predict = |light: Field, radio: ArrayField| -> Box<dyn Predictor> {
+            let light = FieldPredictor::new(light, self.config.light.raster, &self.backend);
+            Box::new(ArrayPredictor::new(light, radio, range, &self.backend))
+        };
         let online = Online {
             light: Reconstructor::new(device, reconstruction, light_camera, radio_camera, range, seed)?,
             radio,
@@ -274,6 +286,7 @@ impl Method for CorfArray {
             ahead: VecDeque::new(),
             radio_s: vec![],
             advance,
+            predict: &predict,
         };
         let (mut light, radio) = online.run()?;
         ensure!(

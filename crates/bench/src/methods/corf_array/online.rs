@@ -1,11 +1,11 @@
 //! Keyframe after keyframe through light and radio, with checkpoints on the way.
 
 use crate::methods::corf_gs::Checkpointer;
-use crate::methods::interface::{Advance, FieldReader, StageTime, TrainingSet, shown};
+use crate::methods::interface::{Advance, FieldReader, Predictor, PredictorReader, StageTime, TrainingSet, shown};
 use crate::methods::stepwise::report_unless_kept;
 use anyhow::{Context, Result};
 use corf::array_field::{ArrayField, ArrayTrainer, Image, Observed};
-use corf::{KeyframeTiming, Reconstructor};
+use corf::{Field, KeyframeTiming, Reconstructor};
 use corf_scene::{Keyframe, Radio};
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -26,6 +26,8 @@ pub(super) struct Online<'a> {
     /// Time that radio took, by keyframe of this session.
     pub radio_s: Vec<f64>,
     pub advance: &'a mut dyn FnMut(Advance<'_>) -> Result<()>,
+    /// What predicts by both fields.
+    pub predict: &'a dyn Fn(Field, ArrayField) -> Box<dyn Predictor>,
 }
 
 impl Online<'_> {
@@ -98,8 +100,12 @@ impl Online<'_> {
         let (gaussians, total) = (Some(self.light.gaussian_count()), self.training.len());
         let light = RefCell::new(&mut self.light);
         let read = || shown(light.borrow_mut().field());
-        let field = Some(FieldReader::new(&read));
-        (self.advance)(Advance { gaussians, field, ..Advance::of(done, total) }).inspect_err(|_| {
+        let make = || -> Result<Option<Box<dyn Predictor>>> {
+            let field = light.borrow_mut().field()?;
+            Ok((!field.gaussians.is_empty()).then(|| (self.predict)(field, self.radio.field.clone())))
+        };
+        let (field, predictor) = (Some(FieldReader::new(&read)), Some(PredictorReader::new(&make)));
+        (self.advance)(Advance { gaussians, field, predictor, ..Advance::of(done, total) }).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
             if self.checkpointer.kept() != Some(done) {
                 report_unless_kept(self.keep(done));

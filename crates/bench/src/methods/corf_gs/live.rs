@@ -5,8 +5,8 @@ use crate::live::{Receipt, Session, Taken};
 use crate::methods::interface::{Advance, FieldReader, Predictor, shown};
 use crate::terminal::interrupt;
 use anyhow::{Result, bail};
-use corf::Reconstructor;
 use corf::config::DepthPriorKind;
+use corf::{Device, Reconstructor};
 use corf_scene::live::LiveDescription;
 use std::cell::RefCell;
 
@@ -61,17 +61,25 @@ impl CorfGs {
         self.config.reconstruction.bootstrap_keyframes
     }
 
+    /// The device that such a run begins with.
+    ///
+    /// # Errors
+    /// It cannot be opened.
+    pub fn open_device(&self) -> Result<Box<dyn Device>> {
+        self.config.device(&self.backend)
+    }
+
     /// Reconstructs from a live folder until it ends. What is known of a keyframe is what came before it and the description.
     ///
     /// # Errors
     /// A device that gives up, a session that ends with an error, too few keyframes, or what `advance` answers.
     pub fn follow(
         &self,
+        device: Box<dyn Device>,
         session: &mut Session,
         seed: u64,
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
-        let device = self.config.device(&self.backend)?;
         let description = session.description();
         let (light, radio, range) = (description.light_camera, description.radio_camera, description.db_range);
         let mut live = Live {

@@ -4,6 +4,7 @@ use crate::methods::interface::{Advance, Checkpoints, FieldReader, TrainingSet, 
 use crate::methods::stepwise::report_unless_kept;
 use anyhow::{Context, Result};
 use corf::{Checkpoint, KeyframeTiming, Reconstructor};
+use corf_scene::words::counted;
 use std::cell::RefCell;
 use std::path::Path;
 use std::time::Instant;
@@ -142,8 +143,11 @@ impl Checkpointer {
     pub fn explain(&self, error: anyhow::Error) -> anyhow::Error {
         match (&self.checkpoints, self.kept) {
             (Some(c), Some(kept)) if error.is::<corf::Error>() => {
-                let survives =
-                    format!("the last checkpoint, {}, holds {kept} keyframes: --resume goes on from it", c.path.display());
+                let survives = format!(
+                    "the last checkpoint, {}, holds {}: --resume goes on from it",
+                    c.path.display(),
+                    counted(kept, "keyframe")
+                );
                 error.context(survives)
             }
             _ => error,

@@ -16,6 +16,7 @@ mod files;
 mod statement;
 mod writer;
 
+use corf_scene::words::{counted, verb};
 pub use statement::{Names, PredictionStatement};
 pub use writer::{PredictionWriter, stated_of};
 
@@ -211,7 +212,9 @@ impl PredictionFolder {
             ));
         }
         if tally.empty_spectra > 0 {
-            out.push(format!("{place}: {} spectra hold no power above the floor of {} dB", tally.empty_spectra, range.min_db));
+            let empty = tally.empty_spectra;
+            let (spectra, hold) = (counted(empty, "spectrum"), verb(empty, "holds", "hold"));
+            out.push(format!("{place}: {spectra} {hold} no power above the floor of {} dB", range.min_db));
         }
         out
     }

@@ -29,6 +29,8 @@ const KEPT: f64 = 0.75;
 const CORNERS: std::ops::RangeInclusive<usize> = 3..=40;
 /// Poses for a metre of a loop that is tried.
 const POSES_PER_M: f64 = 6.0;
+/// Rooms lower and higher than this are more likely a unit mistaken, metres: a hall of 15 m is high, a room of 27 was meant in decimetres.
+const PLAUSIBLE_ROOM_M: [f64; 2] = [1.8, 15.0];
 /// Horizontal surfaces whose heights differ by less are one floor, metres.
 const STOREY_BIN_M: f64 = 0.05;
 /// A floor has this share of the area of the largest horizontal surface.
@@ -116,8 +118,10 @@ impl<'a> FreeSpace<'a> {
         space.clear_m = free.into_iter().map(|(cell, clear, _)| (cell, clear)).collect();
         if space.clear_m.is_empty() {
             let what = match ceiling_over(&space, min, max) {
-                Some(room_m) => format!("{room_m:.2} m are between floor and ceiling, and the sensor stands {height_m} m high"),
-                None => format!("nowhere on the floor at {floor_m:.2} m is room for a platform {height_m} m high"),
+                Some(room_m) => {
+                    format!("{room_m:.2} m are between floor and ceiling, and the sensor stands {height_m:.2} m high")
+                }
+                None => format!("nowhere on the floor at {floor_m:.2} m is room for a platform {height_m:.2} m high"),
             };
             let help =
                 "give the sensor's height above the floor (--height), and check that positions are metres and z is up (--up)";
@@ -168,6 +172,17 @@ impl<'a> FreeSpace<'a> {
     /// Whether the body around a point is the room itself, closed and facing outward.
     fn in_room(&self, point: DVec3) -> bool {
         self.solids.parting(point, point).is_none()
+    }
+
+    /// What is strange about the height between floor and ceiling, or of the mesh where there is no ceiling.
+    pub fn doubtful_height(&self) -> Option<String> {
+        let top_m = self.scene.bounds().map(|bounds| f64::from(bounds.max.z));
+        let (height_m, of) = match (self.ceiling_m, top_m) {
+            (Some(room_m), _) => (room_m, "are between floor and ceiling"),
+            (None, top_m) => (top_m? - self.floor_m, "are between the floor and the mesh's top"),
+        };
+        let is_plausible = (PLAUSIBLE_ROOM_M[0]..=PLAUSIBLE_ROOM_M[1]).contains(&height_m);
+        (!is_plausible).then(|| format!("{height_m:.2} m {of}: positions are metres; was it exported in another unit?"))
     }
 
     /// Whether nothing is between two places at the sensor's height, nor below it.

@@ -8,17 +8,20 @@ use crate::terminal::progress::Stage;
 use corf_raytrace::bvh::Bvh;
 use corf_scene::config::UpAxis;
 use corf_scene::trajectory::TrajectoryConfig;
+use corf_scene::words::verb;
 use corf_scene::{Error, Result, Scene};
 use free_space::{FreeSpace, rounded};
 use glam::DVec3;
 use std::path::Path;
 
-/// Rooms lower and higher than this are more likely a unit mistaken, metres: a hall of 15 m is high, a room of 27 was meant in decimetres.
-const PLAUSIBLE_ROOM_M: [f64; 2] = [1.8, 15.0];
 /// Diagonals of scenes that can be metres.
 const PLAUSIBLE_DIAGONAL_M: [f64; 2] = [1.5, 2000.0];
-/// The sensor's height above the floor where nothing is said, metres, and as a share of a low room.
+/// The sensor's height above the floor where nothing is said, metres.
 const SENSOR_M: f64 = 1.5;
+/// The same as a share of a low room.
+const SENSOR_SHARE: f64 = 0.6;
+/// A mesh lower than this is no room but a sheet or what stands in one, metres.
+const LEAST_ROOM_M: f64 = 0.5;
 
 /// What the files hold and what has to be said of them.
 pub struct Stub {
@@ -71,7 +74,7 @@ pub fn make(scene: &Scene, source: &MeshSource<'_>) -> Result<Stub> {
         return Err(Error::invalid(place, format!("its diagonal is {diagonal_m:.3} m, which is no room's"), help));
     }
     let bvh = Stage::of("search tree of the scene", || Bvh::build(scene));
-    let height_m = source.height_m.unwrap_or_else(|| SENSOR_M.min(0.6 * f64::from(bounds.max.z - bounds.min.z)));
+    let height_m = source.height_m.unwrap_or_else(|| usual_height_m(f64::from(bounds.max.z - bounds.min.z)));
     let space = Stage::of("free space", || FreeSpace::of(scene, &bvh, height_m, &place))?;
     let config = |waypoints_m: Vec<[f64; 2]>| TrajectoryConfig {
         waypoints_m,
@@ -81,28 +84,25 @@ pub fn make(scene: &Scene, source: &MeshSource<'_>) -> Result<Stub> {
         yaw_amplitude_deg: 10.0,
         speed_m_per_s: 0.5,
     };
-    let way = Stage::of("a loop", || space.find_loop(config, &place))?;
+    let way = Stage::of("a loop", || space.find_loop(config, &place)).map_err(|e| with_doubt(e, &space))?;
     let trajectory = config(way.waypoints_m.clone());
     let Some((transmitter_m, seen)) = Stage::of("a transmitter's place", || space.transmitter(&trajectory)) else {
         let help = "give the sensor another height (--height), or write the scene file by hand";
-        return Err(Error::invalid(place, "no place for a transmitter was found off the loop", help));
+        return Err(with_doubt(Error::invalid(place, "no place for a transmitter was found off the loop", help), &space));
     };
     let (entries, unknown) = materials::entries(scene);
     let mut notes = Vec::new();
-    match space.ceiling_m {
-        None => notes.push("there is no ceiling over the free floor: waves leave through the top".to_owned()),
-        Some(room_m) if !(PLAUSIBLE_ROOM_M[0]..=PLAUSIBLE_ROOM_M[1]).contains(&room_m) => {
-            notes.push(format!(
-                "{room_m:.2} m are between floor and ceiling: positions are metres; was it exported in another unit?"
-            ));
-        }
-        Some(_) => {}
+    if space.ceiling_m.is_none() {
+        notes.push("there is no ceiling over the free floor: waves leave through the top".to_owned());
+    } else {
+        notes.extend(space.doubtful_height());
     }
     if seen < 1.0 {
         notes.push(format!("the transmitter sees {:.0} % of the loop", 100.0 * seen));
     }
     if !unknown.is_empty() {
-        notes.push(format!("to be filled in: radio properties of {}, whose names say nothing", unknown.join(", ")));
+        let whose = verb(unknown.len(), "whose name says", "whose names say");
+        notes.push(format!("to be filled in: radio properties of {}, {whose} nothing", unknown.join(", ")));
     }
     let preview = Stage::of("preview", || preview::draw(&space, &bvh, &trajectory, transmitter_m))?;
     let stub = Stub {
@@ -117,6 +117,21 @@ pub fn make(scene: &Scene, source: &MeshSource<'_>) -> Result<Stub> {
         unknown,
     };
     Ok(stub)
+}
+
+/// The sensor's height above the floor in a mesh of this height, metres.
+fn usual_height_m(mesh_m: f64) -> f64 {
+    if mesh_m < LEAST_ROOM_M { SENSOR_M } else { SENSOR_M.min(rounded(SENSOR_SHARE * mesh_m)) }
+}
+
+/// An error about a room with what is strange about its height, where anything is: more likely than all else it is the unit.
+fn with_doubt(error: Error, space: &FreeSpace<'_>) -> Error {
+    match (error, space.doubtful_height()) {
+        (Error::Invalid { place, what, help }, Some(doubt)) => {
+            Error::Invalid { place, what, help: format!("{doubt} Otherwise {help}") }
+        }
+        (error, _) => error,
+    }
 }
 
 /// The scene file: what was guessed says so.

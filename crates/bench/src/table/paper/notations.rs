@@ -6,7 +6,7 @@ use crate::files::escape;
 use crate::metrics::stats::Summary;
 use crate::record::Record;
 use crate::split::Protocol;
-use crate::table::{Columns, Row, TOO_FEW_MARK, TOO_FEW_NOTE, note, text};
+use crate::table::{Columns, Row, TOO_FEW_LATEX, TOO_FEW_MARK, TOO_FEW_NOTE, latex_footnote, note, text};
 use std::fmt::Write;
 
 /// Text of what can be compared, for these records.
@@ -90,16 +90,18 @@ fn notes(tables: &[Beside<'_, '_>]) -> Vec<String> {
     }
     if !taken.is_empty() {
         let mut first = note(&taken, &Columns::none());
-        let of_two = |line: &PaperLine<'_, '_>, figures: &[Figure]| {
-            let cell = |figure: &Figure| matches!(line.cell(*figure), Ours::Value(summary) if summary.is_of_two());
-            line.difference.is_some_and(|d| d.is_of_two()) || figures.iter().any(cell)
-        };
         if tables.iter().any(|table| table.lines.iter().any(|line| of_two(line, table.table.figures))) {
             first += &format!(" {TOO_FEW_NOTE}");
         }
         out.insert(0, first);
     }
     out
+}
+
+/// Whether anything in a line is a mean of two seeds.
+fn of_two(line: &PaperLine<'_, '_>, figures: &[Figure]) -> bool {
+    let cell = |figure: &Figure| matches!(line.cell(*figure), Ours::Value(summary) if summary.is_of_two());
+    line.difference.is_some_and(|d| d.is_of_two()) || figures.iter().any(cell)
 }
 
 fn title(table: &Beside<'_, '_>) -> String {
@@ -176,7 +178,11 @@ pub fn latex(tables: &[Beside<'_, '_>], head: &str) -> String {
                 difference(paper_signed(line.paper_difference(table.table)))
             );
         }
-        out.push_str("  \\bottomrule\n\\end{tabular}\n");
+        out.push_str("  \\bottomrule\n");
+        if table.lines.iter().any(|line| of_two(line, figures)) {
+            out.push_str(&latex_footnote(2 * figures.len() + 3, r"\ddagger", TOO_FEW_LATEX));
+        }
+        out.push_str("\\end{tabular}\n");
     }
     notes(tables).iter().for_each(|note| out.push_str(&comment(note)));
     out

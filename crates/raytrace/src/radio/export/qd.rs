@@ -16,6 +16,7 @@
 
 use super::PathSet;
 use crate::radio::{Angles, Path};
+use corf_scene::words::counted;
 use corf_scene::{Error, Result};
 use glam::DVec3;
 use serde_json::json;
@@ -44,11 +45,15 @@ pub enum QdForm {
 /// Several transmitters; more steps, or paths of a step, than ns-3 can count; an interval that is no time.
 pub fn qd_scenario(set: &PathSet<'_>, interval_s: f64, form: QdForm) -> Result<Vec<(String, Vec<u8>)>> {
     if set.transmitters.len() != 1 {
-        let what = format!("{} transmitters: ns-3 asks for the channels between them as well", set.transmitters.len());
+        let what = format!("{}: ns-3 asks for the channels between them as well", counted(set.transmitters.len(), "transmitter"));
         return Err(Error::invalid("Q-D scenario", what, "write a folder for each"));
     }
     if set.receivers.len() > MOST || set.max_paths() > MOST {
-        let what = format!("{} steps of up to {} paths, and ns-3 counts to {MOST}", set.receivers.len(), set.max_paths());
+        let what = format!(
+            "{} of up to {}, and ns-3 counts to {MOST}",
+            counted(set.receivers.len(), "step"),
+            counted(set.max_paths(), "path")
+        );
         return Err(Error::invalid("Q-D scenario", what, "give fewer receivers, or part the way"));
     }
     if !(interval_s > 0.0 && interval_s.is_finite()) {

@@ -4,6 +4,7 @@
 //! `frames`. A rig's reference sensor is the rig's own frame. Poses in `images` are derived from these and are not used where there are frames.
 
 use super::{Image, Pose};
+use crate::words::{counted, verb};
 use crate::{Error, Result, Rigid3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -172,10 +173,20 @@ impl Rigs {
             ));
         }
         for ((rig, sensor), count) in without {
-            notes.push(format!("rig {rig} does not say where its {sensor} is: {count} images have no pose and were left out"));
+            notes.push(format!(
+                "rig {rig} does not say where its {sensor} is: {} {} no pose and {} left out",
+                counted(count, "image"),
+                verb(count, "has", "have"),
+                verb(count, "was", "were")
+            ));
         }
         if let Some((id, (frame, ..))) = taken.first_key_value() {
-            notes.push(format!("{} images are in frames and not in {file_name}, as {id} of frame {}", taken.len(), frame.id));
+            notes.push(format!(
+                "{} {} in frames and not in {file_name}, as {id} of frame {}",
+                counted(taken.len(), "image"),
+                verb(taken.len(), "is", "are"),
+                frame.id
+            ));
         }
         Ok(poses)
     }

@@ -2,6 +2,7 @@
 
 use super::{material_findings, placement_findings, refuse};
 use crate::config::SceneConfig;
+use crate::words::{counted, verb};
 use crate::{Error, Result, Scene, Severity};
 
 impl SceneConfig {
@@ -15,9 +16,10 @@ impl SceneConfig {
             return Err(Error::invalid(
                 self.source.display().to_string(),
                 format!(
-                    "{} of {} materials have no radio properties: {}",
+                    "{} of {} {} no radio properties: {}",
                     missing.len(),
-                    scene.materials.len(),
+                    counted(scene.materials.len(), "material"),
+                    verb(missing.len(), "has", "have"),
                     missing.join(", ")
                 ),
                 format!(
@@ -33,8 +35,8 @@ impl SceneConfig {
         }
         let all: Vec<String> = errors.iter().map(|f| format!("{}: {}", f.place, f.what)).collect();
         let what = format!(
-            "{} materials cannot be traced at {} GHz:\n    {}",
-            all.len(),
+            "{} cannot be traced at {} GHz:\n    {}",
+            counted(all.len(), "material"),
             self.radio.frequency_hz / 1e9,
             all.join("\n    ")
         );

@@ -11,6 +11,7 @@ use crate::config::SceneConfig;
 use crate::finding::Finding;
 use crate::parts::{self, ConnectedPart};
 use crate::solids::Solids;
+use crate::words::counted;
 use crate::{Error, Result, Scene, Severity, near_field, trajectory};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -107,9 +108,9 @@ fn hole_findings(scene: &Scene, parts: &[ConnectedPart]) -> Vec<Finding> {
     let finding = |(object, (part, at)): (u32, (&ConnectedPart, DVec3))| {
         let place = format!("{}: object \"{}\"", scene.name, scene.objects[object as usize].name);
         let what = format!(
-            "a body of {:.2} m² with a hole: {} open edges, one of them at ({:.3}, {:.3}, {:.3})",
+            "a body of {:.2} m² with a hole: {}, one of them at ({:.3}, {:.3}, {:.3})",
             part.area_m2,
-            part.rim.len(),
+            counted(part.rim.len(), "open edge"),
             at.x,
             at.y,
             at.z

@@ -15,6 +15,7 @@ use anyhow::Result;
 use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Transmitter};
 use corf_raytrace::spectrum::SpectrumSettings;
 use corf_scene::trajectory::TrajectoryPose;
+use corf_scene::words::counted;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -267,8 +268,12 @@ impl Errors {
     /// The errors as lines for a reader.
     pub(in crate::commands) fn text(&self) -> Vec<String> {
         let mut lines = vec![format!(
-            "standard error ({} samplings, {} positions): total {:.3} dB, diffuse {:.3} dB at worst, {:.3} dB rms",
-            self.replicas, self.positions, self.total_worst_db, self.diffuse_worst_db, self.diffuse_rms_db
+            "standard error ({}, {}): total {:.3} dB, diffuse {:.3} dB at worst, {:.3} dB rms",
+            counted(self.replicas as usize, "sampling"),
+            counted(self.positions, "position"),
+            self.total_worst_db,
+            self.diffuse_worst_db,
+            self.diffuse_rms_db
         )];
         if let (Some(median), Some(share), Some(p99), Some(worst), Some(position), Some(all)) = (
             self.pixel_median_db,

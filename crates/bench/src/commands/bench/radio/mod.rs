@@ -21,6 +21,7 @@ use corf_raytrace::spectrum;
 use corf_scene::Rigid3;
 use corf_scene::config::{DatasetConfig, ReceiverConfig, SpectrumKind};
 use corf_scene::trajectory;
+use corf_scene::words::counted;
 use cpu_time::ProcessTime;
 use errors::{Errors, Study};
 use rayon::prelude::*;
@@ -329,13 +330,13 @@ impl Answer {
     fn text(&self) -> String {
         let mut lines = vec![
             format!(
-                "{}: {} positions, depth {}, {}, {} triangles, {} threads",
+                "{}: {}, depth {}, {}, {}, {}",
                 self.config,
-                self.positions,
+                counted(self.positions, "position"),
                 self.depth,
                 if self.powers { "powers" } else { self.spectrum.name() },
-                self.triangles,
-                self.threads
+                counted(self.triangles, "triangle"),
+                counted(self.threads, "thread")
             ),
             self.sampling_text(),
             format!("{:<22} {:>9} {:>9}", "stage", "wall s", "cpu s"),
