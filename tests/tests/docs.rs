@@ -130,7 +130,8 @@ fn the_citation_and_codemeta_state_the_same() {
     let cff = std::fs::read_to_string(root().join("CITATION.cff")).unwrap();
     let cargo: toml::Table = std::fs::read_to_string(root().join("Cargo.toml")).unwrap().parse().unwrap();
     let package = &cargo["workspace"]["package"];
-    let codemeta: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(root().join("codemeta.json")).unwrap()).unwrap();
+    let codemeta: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(root().join("codemeta.json")).unwrap()).unwrap();
     // A key of the file itself begins its line; those of the article that it prefers are indented.
     let cited = |key: &str| cff.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix(": ")).map(|v| v.trim_matches('"'));
     let stated = |key: &str| codemeta.get(key).map(|value| value.as_str().unwrap());
