@@ -119,10 +119,27 @@ pub struct Imported {
     pub world_from_capture: Option<Similarity3>,
     /// The decibel range that was stated with the spectra.
     pub db_range: Option<DbRange>,
+    /// What was stated of the sensor of the spectra beside [`DatasetHeader::spectrum`] and [`DatasetHeader::receiver`]; none where nothing was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<StatedSensor>,
     /// Changes and assumptions, in words.
     pub notes: Vec<String>,
     /// SHA-256 of every file that was read, by its path below the folder it was given with.
     pub sources: BTreeMap<String, String>,
+}
+
+/// A sensor that whoever recorded the spectra states: nothing in their files says it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StatedSensor {
+    /// Flags and keys of the capture that state it, the kind of the spectra and their array included.
+    pub stated_by: Vec<String>,
+    /// Standard deviation of an `mpc` lobe along each axis, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lobe_width_deg: Option<f64>,
+    /// Diagonal loading of `mvdr` in units of the covariance's mean eigenvalue.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mvdr_loading: Option<f64>,
 }
 
 impl Imported {
@@ -300,6 +317,18 @@ impl DatasetHeader {
             imported: None,
             poses: config.poses(scene_config)?,
         })
+    }
+
+    /// Standard deviation of an `mpc` lobe along each axis, degrees, if it is known.
+    pub fn lobe_width_deg(&self) -> Option<f64> {
+        let of_config = self.config.as_ref().map(|config| config.radio.lobe_width_deg);
+        of_config.or_else(|| self.imported.as_ref()?.sensor.as_ref()?.lobe_width_deg)
+    }
+
+    /// Diagonal loading of `mvdr` spectra in units of the covariance's mean eigenvalue, if it is known.
+    pub fn mvdr_loading(&self) -> Option<f64> {
+        let of_config = self.config.as_ref().map(|config| config.radio.mvdr_loading);
+        of_config.or_else(|| self.imported.as_ref()?.sensor.as_ref()?.mvdr_loading)
     }
 
     /// What was taken off all positions of the capture or of the scene's mesh, metres along the data set's axes; `None` where they were kept.

@@ -17,7 +17,7 @@ use anyhow::{Context, Result, ensure};
 use corf::array_field::{ArrayConfig, ArrayTrainer, Image, SensorSettings, Surface};
 use corf::config::Coupling;
 use corf::{IdleKey, RasterConfig, Reconstructor};
-use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
+use corf_scene::config::{AntennaPattern, RearHalfSpace, ReceiverConfig, SpectrumKind};
 use online::Online;
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize, Serializer};
@@ -81,8 +81,14 @@ fn raster_of(config: &serde_json::Value) -> Result<RasterConfig> {
 /// # Errors
 /// Spectra or elements whose sensor this method does not know.
 fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
-    let unknown = "corf-array: the data set does not say which array its spectra are of, or of which kind they are\n  help: use corf-gs for it";
-    let (receiver, spectrum) = training.receiver().zip(training.spectrum()).context(unknown)?;
+    const UNKNOWN: &str = "corf-array: the data set does not say of which kind its spectra are, or which array they are of\n  help: say it when the capture is \
+                           imported (`corf dataset import`: --rf-kind, --rf-array, --rf-spacing), or use corf-gs for it";
+    let spectrum = training.spectrum().context(UNKNOWN)?;
+    // Lobes are of no array.
+    let receiver = match (training.receiver(), spectrum) {
+        (None, SpectrumKind::Mpc) => ReceiverConfig::default(),
+        (receiver, _) => receiver.context(UNKNOWN)?,
+    };
     ensure!(
         receiver.pattern == AntennaPattern::Iso,
         "corf-array: the receiver's elements have the pattern {:?}, and the method knows isotropic ones\n  help: use corf-gs for this data set",
@@ -93,7 +99,8 @@ fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
     let settings = match spectrum {
         SpectrumKind::Mpc => {
             let width_deg = training.lobe_width_deg().context(
-                "corf-array: the data set does not say how wide a lobe of its spectra is\n  help: keep `config` in its dataset.json",
+                "corf-array: the data set does not say how wide a lobe of its spectra is\n  help: import the capture with --rf-lobe-width-deg; of a generated one keep `config` in its \
+                 dataset.json",
             )?;
             SensorSettings::Lobes { width_deg }
         }
@@ -101,8 +108,8 @@ fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
         SpectrumKind::Bartlett | SpectrumKind::BartlettCoherent => SensorSettings::Beam { elements, spacing_wavelengths, gated },
         SpectrumKind::Mvdr => {
             let loading = training.mvdr_loading().context(
-                "corf-array: the data set does not say with which diagonal loading its mvdr spectra were formed\n  help: keep `config` in its \
-                 dataset.json, of which rf.mvdr_loading says it, or use corf-gs",
+                "corf-array: the data set does not say with which diagonal loading its mvdr spectra were formed\n  help: import the \
+                 capture with --rf-loading; of a generated one keep `config` in its dataset.json, of which rf.mvdr_loading says it; or use corf-gs",
             )?;
             SensorSettings::Capon { elements, spacing_wavelengths, gated, loading }
         }
