@@ -176,7 +176,7 @@ impl MaterialRecord {
             .map(|(material, radio)| {
                 let (relative_permittivity, imaginary) = radio.complex_permittivity(frequency_hz)?;
                 let source = match &radio.permittivity {
-                    Permittivity::Itu(name) => format!("ITU-R P.2040-3, table 3, \"{name}\""),
+                    Permittivity::Itu(name) => crate::itu::source(name, frequency_hz)?,
                     Permittivity::Constant { .. } => "constants given with the scene, at its carrier".into(),
                 };
                 Ok(Self {
