@@ -179,6 +179,12 @@ impl TransmitterConfig {
         DVec3::from_array(self.position_m)
     }
 
+    /// World direction of its boresight, or of its beam, where it has one: an isotropic element and a dipole send to all sides.
+    pub fn facing(&self) -> Option<DVec3> {
+        let has_one = self.rows * self.cols > 1 || self.pattern == AntennaPattern::Tr38901;
+        has_one.then(|| self.orientation.world_from_array() * DVec3::X)
+    }
+
     pub(crate) fn validate(&self, place: &str) -> Result<()> {
         bounds::position(&format!("{place}.position_m"), self.position())?;
         self.orientation.validate(&format!("{place}.orientation"))?;

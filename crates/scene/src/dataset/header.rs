@@ -3,6 +3,7 @@
 use crate::config::{DatasetConfig, ReceiverConfig, SceneConfig, SpectrumKind, SplitConfig, TransmitterConfig};
 use crate::keyframe::{DbRange, Modalities};
 use crate::model::Permittivity;
+use crate::mounting::{Mount, Surfaces};
 use crate::radio_spec::RadioSpec;
 use crate::trajectory::TrajectoryPose;
 use crate::{Equirectangular, Error, Pinhole, Result, Rigid3, Scene, Similarity3, bounds, fingerprint, io};
@@ -50,6 +51,9 @@ pub struct DatasetHeader {
     pub transmitter: Option<TransmitterConfig>,
     /// The platform's array, if known.
     pub receiver: Option<ReceiverConfig>,
+    /// Antennas that are on a surface, and the side of it from which they were traced: the transmitter (no index), and keyframes by theirs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub on_surfaces: Vec<OnSurface>,
     /// Kind of the angular spectra, if known.
     pub spectrum: Option<SpectrumKind>,
     /// Physical quantity of a spectrum's values.
@@ -194,6 +198,37 @@ impl MaterialRecord {
     }
 }
 
+/// An antenna of a data set that is on a surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OnSurface {
+    /// Index of the keyframe; none of the transmitter.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keyframe: Option<usize>,
+    /// Its surface and side.
+    pub mount: Mount,
+}
+
+impl OnSurface {
+    /// Those of a transmitter and of the platform's poses.
+    fn all(scene: &Scene, transmitter: &TransmitterConfig, poses: &[TrajectoryPose]) -> Result<Vec<Self>> {
+        let surfaces = Surfaces::of(scene);
+        let tx = surfaces.mount("transmitter", transmitter.position(), transmitter.facing())?;
+        let mut all: Vec<Self> = tx.into_iter().map(|mount| Self { keyframe: None, mount }).collect();
+        for TrajectoryPose { index, world_from_camera: pose, .. } in poses {
+            let whose = format!("keyframe {index}");
+            let mount = surfaces.mount(&whose, pose.translation, Some(pose.transform_vector(DVec3::Z)))?;
+            all.extend(mount.map(|mount| Self { keyframe: Some(*index), mount }));
+        }
+        Ok(all)
+    }
+
+    /// In words.
+    pub fn words(&self) -> String {
+        self.mount.words(&self.keyframe.map_or("the transmitter".to_owned(), |index| format!("keyframe {index}")))
+    }
+}
+
 /// Standard errors of the diffuse field's sampling.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -262,6 +297,7 @@ impl DatasetHeader {
             frequency_hz: None,
             transmitter: None,
             receiver: None,
+            on_surfaces: Vec::new(),
             spectrum: None,
             quantity,
             dynamic_range_db,
@@ -288,7 +324,9 @@ impl DatasetHeader {
         let mesh_path = scene_config.mesh_path();
         let mesh = io::read(&mesh_path)?;
         let stands_alone = fingerprint::stands_alone(&mesh_path, &mesh);
+        let (transmitter, poses) = (*config.transmitter_of(scene_config)?, config.poses(scene_config)?);
         Ok(Self {
+            on_surfaces: OnSurface::all(scene, &transmitter, &poses)?,
             name: config.name.clone(),
             seed: config.seed,
             modalities: Modalities::BOTH,
@@ -299,7 +337,7 @@ impl DatasetHeader {
             denoiser: None,
             light_adapter: None,
             frequency_hz: Some(scene_config.radio.frequency_hz),
-            transmitter: Some(*config.transmitter_of(scene_config)?),
+            transmitter: Some(transmitter),
             receiver: Some(scene_config.receiver),
             spectrum: Some(config.radio.spectrum),
             quantity: Quantity::of(config.radio.spectrum),
@@ -315,7 +353,7 @@ impl DatasetHeader {
             config: Some(config.clone()),
             scene: Some(scene_config.clone()),
             imported: None,
-            poses: config.poses(scene_config)?,
+            poses,
         })
     }
 
