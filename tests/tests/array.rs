@@ -115,7 +115,8 @@ fn imported(data: &Path, folder: &Path, name: &str, stated: Option<&str>, flags:
     }
     fs::write(capture.join("trajectory.json"), trajectory.to_string()).unwrap();
     let (spectra, depth) = (data.join("rf/spectra"), data.join("optical/depth"));
-    let given = ["--from", "corf-folder", "--rf", text(&spectra), "--rf-camera", "90", "--depth", text(&depth), "--out", text(&out)];
+    let given =
+        ["--from", "corf-folder", "--rf", text(&spectra), "--rf-camera", "90", "--depth", text(&depth), "--out", text(&out)];
     corf_ok(&[&["dataset", "import", text(&capture)], &given[..], flags].concat());
     out
 }
@@ -127,7 +128,8 @@ fn an_imported_capture_that_states_its_array_trains_as_what_it_was_recorded_from
     let data = dataset(folder, "beams", "spectrum = \"bartlett\"");
     let quality = |data: &Path, name: &str| {
         let run = folder.join(format!("run-{name}"));
-        let arguments = ["reconstruct", text(data), "--method", "corf-array", "--set", "light.depth.prior=\"exact\"", "--device", "cpu"];
+        let arguments =
+            ["reconstruct", text(data), "--method", "corf-array", "--set", "light.depth.prior=\"exact\"", "--device", "cpu"];
         corf_ok(&[&arguments[..], &["--out", text(&run)]].concat());
         let metrics: serde_json::Value = serde_json::from_str(&corf_ok(&["evaluate", text(&run), "--json"])).unwrap();
         ["psnr_rf_jet", "rmse_db", "psnr_opt"].map(|key| metrics["means"][key].as_f64().unwrap())

@@ -98,5 +98,13 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
     };
     let mut shots: Vec<Shot> = file.keyframes.iter().enumerate().map(shot).collect::<Result<_>>()?;
     shots.sort_by(|a, b| names::natural(&a.name, &b.name));
-    Ok(Capture { shots, points: Vec::new(), lists: None, spectra: None, sensor, files, notes: rounding.note().into_iter().collect() })
+    Ok(Capture {
+        shots,
+        points: Vec::new(),
+        lists: None,
+        spectra: None,
+        sensor,
+        files,
+        notes: rounding.note().into_iter().collect(),
+    })
 }

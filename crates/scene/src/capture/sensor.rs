@@ -137,14 +137,19 @@ impl SensorOptions {
             return match of_sensor.first() {
                 None => Ok(Sensor::default()),
                 Some((key, flag, _)) => {
-                    let what = format!("{flag} (key `{key}`) says of which sensor the spectra are, and nothing says of which kind");
+                    let what =
+                        format!("{flag} (key `{key}`) says of which sensor the spectra are, and nothing says of which kind");
                     refuse("--rf-kind", what, "say --rf-kind mpc, bartlett, bartlett-coherent or mvdr")
                 }
             };
         };
         if let Some(quantity) = self.quantity.filter(|q| *q != Quantity::Unknown && *q != Quantity::of(kind)) {
             let what = format!("{} spectra are no values in {quantity:?}", kind.name());
-            return refuse("--rf-quantity", what, "mpc is power per steradian, bartlett beam power, mvdr Capon power; or leave it out");
+            return refuse(
+                "--rf-quantity",
+                what,
+                "mpc is power per steradian, bartlett beam power, mvdr Capon power; or leave it out",
+            );
         }
         let of_array = [SpectrumKind::Bartlett, SpectrumKind::BartlettCoherent, SpectrumKind::Mvdr].contains(&kind);
         for (key, flag, _) in &of_sensor {
@@ -190,7 +195,11 @@ impl SensorOptions {
         let (rows, cols) =
             elements.ok_or_else(|| open("--rf-array", "how many elements it has", "say --rf-array ROWSxCOLS, e.g. 8x8"))?;
         let spacing = array.spacing_wavelengths.ok_or_else(|| {
-            open("--rf-spacing", "how far they are apart", "say --rf-spacing in wavelengths, e.g. 0.5, or BETWEEN_COLUMNS,BETWEEN_ROWS")
+            open(
+                "--rf-spacing",
+                "how far they are apart",
+                "say --rf-spacing in wavelengths, e.g. 0.5, or BETWEEN_COLUMNS,BETWEEN_ROWS",
+            )
         })?;
         if array.pattern.is_none() {
             notes.push("the array's elements were taken to be isotropic (--rf-pattern says otherwise)".into());
@@ -224,8 +233,12 @@ mod tests {
     use super::*;
 
     fn beams() -> SensorOptions {
-        let receiver =
-            ArrayOptions { rows: Some(4), cols: Some(8), spacing_wavelengths: Some(Spacing::Each([0.5, 0.7])), ..Default::default() };
+        let receiver = ArrayOptions {
+            rows: Some(4),
+            cols: Some(8),
+            spacing_wavelengths: Some(Spacing::Each([0.5, 0.7])),
+            ..Default::default()
+        };
         SensorOptions { spectrum: Some(SpectrumKind::Bartlett), receiver, ..Default::default() }
     }
 

@@ -135,7 +135,12 @@ pub(crate) fn findings(place: &str, header: &DatasetHeader, seen: &[Widths]) -> 
 }
 
 /// Width of a lone wave's lobe, the ratio under which lobes are too narrow, and what makes it.
-fn expected(kind: SpectrumKind, receiver: Option<&ReceiverConfig>, lobe_deg: Option<f64>, axis: usize) -> Option<(f64, f64, String)> {
+fn expected(
+    kind: SpectrumKind,
+    receiver: Option<&ReceiverConfig>,
+    lobe_deg: Option<f64>,
+    axis: usize,
+) -> Option<(f64, f64, String)> {
     match kind {
         SpectrumKind::Mpc => {
             let lobe_deg = lobe_deg?;
@@ -149,7 +154,11 @@ fn expected(kind: SpectrumKind, receiver: Option<&ReceiverConfig>, lobe_deg: Opt
             let width = beam(elements, spacing)?;
             let narrow = if kind == SpectrumKind::Bartlett { NARROW } else { NARROW_COHERENT };
             let degrees = (2.0 * (0.5 * width).min(1.0).asin()) * 180.0 / PI;
-            Some((width, narrow, format!("beams of {elements} elements {spacing} wavelengths apart ({degrees:.1} degrees at boresight)")))
+            Some((
+                width,
+                narrow,
+                format!("beams of {elements} elements {spacing} wavelengths apart ({degrees:.1} degrees at boresight)"),
+            ))
         }
         SpectrumKind::Mvdr => None,
     }
@@ -161,7 +170,9 @@ mod tests {
 
     /// Beam of a lone wave by a linear array along each axis.
     fn spectrum(camera: &Pinhole, wave: DVec3, [cols, rows]: [usize; 2]) -> Raster<f32> {
-        let fejer = |n: usize, x: f64| if x.abs() < 1e-9 { 1.0 } else { ((n as f64 * x / 2.0).sin() / (n as f64 * (x / 2.0).sin())).powi(2) };
+        let fejer = |n: usize, x: f64| {
+            if x.abs() < 1e-9 { 1.0 } else { ((n as f64 * x / 2.0).sin() / (n as f64 * (x / 2.0).sin())).powi(2) }
+        };
         Raster::from_fn(camera.width, camera.height, |x, y| {
             let u = ARRAY_FROM_CAMERA.rotation * camera.pixel_direction(x, y) - wave;
             (fejer(cols, PI * u.y) * fejer(rows, PI * u.z)) as f32

@@ -34,7 +34,10 @@ mod writer;
 pub use conventions::{Conventions, EQUIRECTANGULAR_AXES};
 pub use export::ColoredPoint;
 pub(crate) use export::{Besides, transforms_json};
-pub use header::{DATASET_SCHEMA, DatasetHeader, Imported, MaterialRecord, OnSurface, Quantity, SamplingError, StatedSensor, StatedSplit, Summary};
+pub use header::{
+    DATASET_SCHEMA, DatasetHeader, Imported, MaterialRecord, OnSurface, Quantity, SamplingError, StatedSensor, StatedSplit,
+    Summary,
+};
 pub use identity::check_finished;
 pub use layout::stem;
 pub use numpy::keyframe_npz;

@@ -181,8 +181,11 @@ impl LiveDescription {
         let notes = vec!["keyframes were taken as they landed in a live folder, numbered in that order".to_owned()];
         let (lobe_width_deg, mvdr_loading) = (self.lobe_width_deg, self.mvdr_loading);
         // Bytes of data sets of descriptions without the two keys are those of earlier versions.
-        let sensor = (lobe_width_deg.is_some() || mvdr_loading.is_some())
-            .then(|| StatedSensor { stated_by: vec![DESCRIPTION.to_owned()], lobe_width_deg, mvdr_loading });
+        let sensor = (lobe_width_deg.is_some() || mvdr_loading.is_some()).then(|| StatedSensor {
+            stated_by: vec![DESCRIPTION.to_owned()],
+            lobe_width_deg,
+            mvdr_loading,
+        });
         let imported = Imported {
             offset_m: None,
             format: LIVE_SCHEMA.to_owned(),

@@ -161,7 +161,8 @@ impl<'s> Surfaces<'s> {
         };
         sides.narrow(Reason::InsideScene, inside);
         // The sides of planes that are free on both come in the order of their fronts.
-        let (signs, by) = (&sides.left[0], if sides.left.len() > 1 { Reason::Front } else { sides.by.unwrap_or(Reason::FreeSide) });
+        let (signs, by) =
+            (&sides.left[0], if sides.left.len() > 1 { Reason::Front } else { sides.by.unwrap_or(Reason::FreeSide) });
         let moved = off(signs);
         Ok(Some(Mount {
             stated_m: position.to_array(),

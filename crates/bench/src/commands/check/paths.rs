@@ -1,7 +1,7 @@
 //! `corf check paths`: chains of points of another program among the paths of this one.
 
 use super::super::{Verdict, show};
-use crate::files::escape::escape;
+use crate::files::escape::plain;
 use crate::note;
 use crate::radio_link::chains::{Chains, LinkOutcome, Tolerances, WhyMissing, compare};
 use crate::radio_link::{LinkArgs, LinkSetup, PathArgs, ScatteringArgs};
@@ -61,11 +61,20 @@ impl Paths {
     /// A file that is no list of chains, a scene that cannot be traced, an end that is in a body.
     pub fn run(self, json: bool) -> Result<Verdict> {
         bounds::number("--tolerance", self.tolerance, &(1e-9..=1.0), "metres")?;
-        bounds::number("--displaced-within", self.displaced_within, &(self.tolerance..=10.0), "metres, not less than --tolerance")?;
+        bounds::number(
+            "--displaced-within",
+            self.displaced_within,
+            &(self.tolerance..=10.0),
+            "metres, not less than --tolerance",
+        )?;
         let chains = Chains::read(&self.file)?;
         let own = chains.scene.as_ref().map(|scene| self.file.parent().unwrap_or_else(|| "".as_ref()).join(scene));
         let scene = self.scene.clone().or(own).ok_or_else(|| {
-            Error::invalid(self.file.display().to_string(), "it names no scene", "give one with --scene SCENE.toml, or as its key `scene`")
+            Error::invalid(
+                self.file.display().to_string(),
+                "it names no scene",
+                "give one with --scene SCENE.toml, or as its key `scene`",
+            )
         })?;
         let arguments = LinkArgs {
             config: None,
@@ -142,7 +151,7 @@ impl Report {
     fn text(&self) -> String {
         let mut text = format!(
             "{}: {}\n  {:>8} {:>8} {:>9} {:>8} {:>8} {:>10} {:>10}\n  {:>8} {:>8} {:>9} {:>8} {:>8} {:>10} {:>10.1e}\n",
-            escape(&self.scene),
+            plain(&self.scene),
             if self.passed { "pass" } else { "FAIL" },
             "chains",
             "found",
@@ -160,8 +169,9 @@ impl Report {
             self.worst_m
         );
         let named = |l: usize, link: &LinkOutcome| {
-            let displaced = link.displaced.iter().map(move |d| format!("  link {l}, chain {}: displaced by {:.4} m", d.chain, d.by_m));
-            let missing = link.missing.iter().map(move |m| format!("  link {l}, chain {}: missing: {}", m.chain, escape(&m.why)));
+            let displaced =
+                link.displaced.iter().map(move |d| format!("  link {l}, chain {}: displaced by {:.4} m", d.chain, d.by_m));
+            let missing = link.missing.iter().map(move |m| format!("  link {l}, chain {}: missing: {}", m.chain, plain(&m.why)));
             displaced.chain(missing).collect::<Vec<_>>()
         };
         let lines: Vec<String> = self.links.iter().enumerate().flat_map(|(l, link)| named(l, link)).collect();

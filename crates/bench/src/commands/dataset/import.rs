@@ -185,7 +185,8 @@ impl FromStr for Elements {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let sides = text.split_once(['x', 'X']).and_then(|(rows, cols)| Some((rows.trim().parse().ok()?, cols.trim().parse().ok()?)));
+        let sides =
+            text.split_once(['x', 'X']).and_then(|(rows, cols)| Some((rows.trim().parse().ok()?, cols.trim().parse().ok()?)));
         sides.map(|(rows, cols)| Self { rows, cols }).ok_or_else(|| "give ROWSxCOLUMNS, e.g. 8x8".to_owned())
     }
 }
@@ -315,7 +316,9 @@ impl Import {
             None => None,
             Some(&[both]) => Some(Spacing::Both(both)),
             Some(&[y, z]) => Some(Spacing::Each([y, z])),
-            Some(_) => anyhow::bail!("--rf-spacing takes one number or two\n  help: wavelengths between neighbours, or between columns and between rows"),
+            Some(_) => anyhow::bail!(
+                "--rf-spacing takes one number or two\n  help: wavelengths between neighbours, or between columns and between rows"
+            ),
         };
         Ok(SensorOptions {
             spectrum: self.radio_kind.map(SpectrumKind::from),

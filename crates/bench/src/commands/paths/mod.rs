@@ -19,8 +19,8 @@ use corf_raytrace::radio::channel::{
 };
 use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
 use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseSettings, Extent, json};
-use corf_scene::npz::{Array, Values, encode_npz};
 use corf_scene::mounting::Mount;
+use corf_scene::npz::{Array, Values, encode_npz};
 use corf_scene::{Error, bounds, io};
 use glam::DVec3;
 use serde_json::{Value, json};

@@ -20,7 +20,8 @@ const SCHEMA: &str = "corf-chains/1";
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Chains {
-    schema: String,
+    /// [`SCHEMA`].
+    pub schema: String,
     /// Scene file, relative to this file.
     #[serde(default)]
     pub scene: Option<PathBuf>,
@@ -49,12 +50,16 @@ impl Chains {
         let place = path.display().to_string();
         let text = io::read_text(path)?;
         let help = "docs/validation.md has the form: schema, scene, and links with tx, rx and chains of points";
-        let form = |e: serde_json::Error| Error::invalid(format!("{place}:{}:{}", e.line(), e.column()), format!("not as expected: {e}"), help);
+        let form = |e: serde_json::Error| {
+            Error::invalid(format!("{place}:{}:{}", e.line(), e.column()), format!("not as expected: {e}"), help)
+        };
         // The schema first: a file of another kind should say so, not complain about its keys.
         let value: serde_json::Value = serde_json::from_str(&text).map_err(form)?;
         let schema = value.get("schema").and_then(|s| s.as_str()).unwrap_or("(none)");
         if schema != SCHEMA {
-            return Err(Error::invalid(place, format!("schema is \"{schema}\""), format!("this command reads \"{SCHEMA}\"")).into());
+            return Err(
+                Error::invalid(place, format!("schema is \"{schema}\""), format!("this command reads \"{SCHEMA}\"")).into()
+            );
         }
         let chains: Self = serde_json::from_str(&text).map_err(form)?;
         for (l, link) in chains.links.iter().enumerate() {

@@ -24,7 +24,11 @@ impl Reasons<'_> {
     /// The first thing that speaks against a chain.
     pub fn of(&self, [from, to]: [DVec3; 2], turns: &[DVec3]) -> String {
         if turns.len() > self.max_interactions {
-            return format!("it turns {} times, and {} interactions are traced (--max-interactions)", turns.len(), self.max_interactions);
+            return format!(
+                "it turns {} times, and {} interactions are traced (--max-interactions)",
+                turns.len(),
+                self.max_interactions
+            );
         }
         let points: Vec<DVec3> = [from].into_iter().chain(turns.iter().copied()).chain([to]).collect();
         for (k, three) in points.windows(3).enumerate() {
@@ -39,8 +43,11 @@ impl Reasons<'_> {
                 return format!("at point {} a mirror sends on {best:.1} degrees off it", k + 1);
             }
         }
-        let crossed: Vec<(usize, u32)> =
-            points.windows(2).enumerate().flat_map(|(k, leg)| self.crossed(leg[0], leg[1]).into_iter().map(move |object| (k, object))).collect();
+        let crossed: Vec<(usize, u32)> = points
+            .windows(2)
+            .enumerate()
+            .flat_map(|(k, leg)| self.crossed(leg[0], leg[1]).into_iter().map(move |object| (k, object)))
+            .collect();
         let name = |object: u32| self.scene.objects.get(object as usize).map_or("", |o| o.name.as_str());
         match crossed.first() {
             Some((k, object)) if !self.transmission => format!("leg {} is blocked by \"{}\"", k + 1, name(*object)),
@@ -66,7 +73,9 @@ impl Reasons<'_> {
                 return None;
             }
             let n = (b - a).cross(c - a).normalize_or_zero();
-            let inside = [(a, b), (b, c), (c, a)].iter().all(|(p, q)| n.cross((*q - *p).normalize_or_zero()).dot(point - *p) >= -ON_SURFACE_M);
+            let inside = [(a, b), (b, c), (c, a)]
+                .iter()
+                .all(|(p, q)| n.cross((*q - *p).normalize_or_zero()).dot(point - *p) >= -ON_SURFACE_M);
             (inside && (point - a).dot(n).abs() <= ON_SURFACE_M).then_some(n)
         });
         all.collect()

@@ -111,7 +111,9 @@ fn sensor(header: &DatasetHeader, stated: &StatedSensor) -> String {
         ));
     }
     words.extend(stated.lobe_width_deg.map(|width| format!("lobes of {width} degrees of standard deviation per axis")));
-    words.extend(stated.mvdr_loading.map(|loading| format!("a diagonal loading of {loading} of the covariance's mean eigenvalue")));
+    words.extend(
+        stated.mvdr_loading.map(|loading| format!("a diagonal loading of {loading} of the covariance's mean eigenvalue")),
+    );
     format!("{}, as its maker states ({})", words.join("; "), stated.stated_by.join(", "))
 }
 

@@ -9,8 +9,8 @@ mod config;
 
 use crate::config::SceneConfig;
 use crate::finding::Finding;
-use crate::parts::{self, Part};
 use crate::mounting::Surfaces;
+use crate::parts::{self, Part};
 use crate::solids::Solids;
 use crate::{Error, Result, Scene, Severity, near_field, trajectory};
 use glam::DVec3;
