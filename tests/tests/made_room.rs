@@ -221,3 +221,66 @@ fn an_antenna_on_a_surface_hears_the_limit_from_its_side_and_says_which_that_is(
     fs::write(folder.join("cabinet.obj"), mesh + &box_on_it).unwrap();
     corf_refuses(&["paths", text(&both), "--rx", "2.45,2.05,1.5"], &["receiver at", "every side", "cabinet"]);
 }
+
+/// Gain over tilt and pan every so many degrees.
+fn pattern_file(path: &Path, step_deg: usize, gain_db: impl Fn(f64, f64) -> f64) {
+    let mut text = String::from("tilt_deg,pan_deg,gain_db\n");
+    for tilt in (0..=180).step_by(step_deg).map(|t| t as f64 - 90.0) {
+        for pan in (0..360).step_by(step_deg).map(|p| p as f64 - 180.0) {
+            text.push_str(&format!("{tilt},{pan},{}\n", gain_db(tilt, pan)));
+        }
+    }
+    fs::write(path, text).unwrap();
+}
+
+#[test]
+fn patterns_of_files_are_those_that_they_were_sampled_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    pattern_file(&folder.join("iso.csv"), 30, |_, _| 0.0);
+    let tr38901 = |tilt: f64, pan: f64| {
+        let loss = |angle: f64| (12.0 * (angle / 65.0).powi(2)).min(30.0);
+        8.0 - (loss(tilt) + loss(pan)).min(30.0)
+    };
+    pattern_file(&folder.join("sector.csv"), 2, tr38901);
+    pattern_file(&folder.join("loud.csv"), 30, |_, _| 6.0);
+    let place = "[1.1, 2.3, 1.9]";
+    let power = |name: &str, pattern: &str| -> Vec<f64> {
+        let scene = room(folder, name, false, &format!("{place}\n{pattern}"));
+        let value: Value = serde_json::from_str(&corf_ok(&["paths", text(&scene), "--rx", "3.8,1.7,0.8"])).unwrap();
+        let paths = value["paths"].as_array().unwrap();
+        paths.iter().map(|p| p["a"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap().powi(2)).sum::<f64>()).collect()
+    };
+    let (iso, of_file) = (power("plain", "pattern = \"iso\""), power("file", "pattern = { file = \"iso.csv\" }"));
+    assert!(iso.len() == of_file.len() && iso.iter().zip(&of_file).all(|(a, b)| (a / b - 1.0).abs() < 1e-9));
+    // Two degrees of linear interpolation in decibels: 0.006 dB within the parabola, half a cell of its slope at the floor's corner.
+    let (sector, of_file) = (power("sector", "pattern = \"tr38901\""), power("sampled", "pattern = { file = \"sector.csv\" }"));
+    assert_eq!(sector.len(), of_file.len());
+    let off_db: Vec<f64> = sector.iter().zip(&of_file).map(|(a, b)| (10.0 * (a / b).log10()).abs()).collect();
+    assert!(off_db.iter().all(|d| *d < 1.2) && off_db[0] < 0.01, "{off_db:?}");
+
+    // An array of such elements: the method that knows its array knows them as well, from the data set's own record.
+    let scene = room(folder, "array", false, place);
+    let body = fs::read_to_string(&scene).unwrap() + "[receiver]\npattern = { file = \"sector.csv\" }\n";
+    fs::write(&scene, body).unwrap();
+    let config = folder.join("set.toml");
+    fs::write(
+        &config,
+        "name = \"sectors\"\nscene = \"array.toml\"\nkeyframes = 6\n[optical]\nwidth = 32\nheight = 18\nmethod = \"path\"\nsamples_per_pixel = 2\n\
+         [rf]\nwidth = 24\nheight = 16\ndiffuse = false\nspectrum = \"bartlett\"\n",
+    )
+    .unwrap();
+    let (data, run) = (folder.join("data"), folder.join("run"));
+    corf_ok(&["dataset", "generate", text(&config), "--out", text(&data)]);
+    assert!(corf_ok(&["dataset", "validate", text(&data)]).contains("passed"));
+    fs::remove_file(folder.join("sector.csv")).unwrap();
+    corf_ok(&["reconstruct", text(&data), "--method", "corf-array", "--device", "cpu", "--out", text(&run)]);
+    let record: Value = serde_json::from_str(&corf_ok(&["evaluate", text(&run), "--json"])).unwrap();
+    assert!(record["means"]["psnr_rf_jet"].as_f64().unwrap() > 6.0, "{record}");
+
+    // More power than it is fed, and a file that is not there.
+    let loud = room(folder, "loud", false, &format!("{place}\npattern = {{ file = \"loud.csv\" }}"));
+    corf_refuses(&["paths", text(&loud), "--rx", "3.8,1.7,0.8"], &["loud.csv", "3.98", "normalize = true"]);
+    let none = room(folder, "none", false, &format!("{place}\npattern = {{ file = \"none.csv\" }}"));
+    corf_refuses(&["paths", text(&none), "--rx", "3.8,1.7,0.8"], &["none.csv"]);
+}

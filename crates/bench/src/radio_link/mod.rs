@@ -225,7 +225,7 @@ impl TransmitEnd {
 fn facing(array: &AntennaArray) -> Option<DVec3> {
     let Antenna { pattern, beam, world_from_antenna, .. } = array.element;
     let several = array.grid.rows * array.grid.columns > 1;
-    let has_one = several || beam.is_some() || !matches!(pattern, AntennaPattern::Iso | AntennaPattern::Dipole);
+    let has_one = several || beam.is_some() || pattern.has_boresight();
     has_one.then_some(world_from_antenna.x_axis)
 }
 
@@ -252,6 +252,13 @@ impl LinkSetup {
     pub fn load(scene: &Path, arguments: &LinkArgs, tx_grid: Option<Grid>, rx_grid: Option<Grid>) -> Result<Self> {
         let config = SceneConfig::load(scene)?;
         let mut link: LinkConfig = arguments.config.as_ref().map(read_toml).transpose()?.unwrap_or_default();
+        if let Some(path) = &arguments.config {
+            let folder = path.parent().unwrap_or(Path::new(""));
+            for (end, array) in [("transmitter", &mut link.transmitter), ("receiver", &mut link.receiver)] {
+                let place = format!("{}: {end}.pattern", path.display());
+                array.pattern = array.pattern.map(|pattern| pattern.read(folder, &place)).transpose()?;
+            }
+        }
         path_args_over!(arguments.paths, link);
         link.diffuse |= arguments.diffuse;
         arguments.scattering.check_unused(link.diffuse, "add --diffuse (diffuse = true), or leave it out")?;

@@ -72,10 +72,14 @@ impl SensorOptions {
     /// # Errors
     /// A file that cannot be read or has other keys.
     pub(super) fn read(path: &Path) -> Result<Self> {
-        json(
+        let mut read: Self = json(
             path,
             "it may have spectrum, receiver (rows, cols, spacing_wavelengths, pattern, rear), lobe_width_deg, mvdr_loading, quantity and frequency_hz",
-        )
+        )?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let place = format!("{}: receiver.pattern", path.display());
+        read.receiver.pattern = read.receiver.pattern.map(|pattern| pattern.read(folder, &place)).transpose()?;
+        Ok(read)
     }
 
     fn statements(&self) -> [Statement; 10] {

@@ -89,11 +89,6 @@ fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
         (None, SpectrumKind::Mpc) => ReceiverConfig::default(),
         (receiver, _) => receiver.context(UNKNOWN)?,
     };
-    ensure!(
-        receiver.pattern == AntennaPattern::Iso,
-        "corf-array: the receiver's elements have the pattern {:?}, and the method knows isotropic ones\n  help: use corf-gs for this data set",
-        receiver.pattern
-    );
     let (elements, spacing_wavelengths) = ([receiver.cols, receiver.rows], receiver.spacing_wavelengths);
     let gated = receiver.rear == RearHalfSpace::Gated;
     let settings = match spectrum {
@@ -125,6 +120,11 @@ fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
 pub fn on_device(trainer: ArrayTrainer, backend: &Backend) -> Result<ArrayTrainer> {
     match backend {
         Backend::Cpu => Ok(trainer),
+        #[cfg(feature = "gpu")]
+        Backend::Gpu { .. } if trainer.field.pattern != AntennaPattern::Iso => {
+            note!("corf-array: elements with a pattern are learnt and observed on the processor; light is on the GPU");
+            Ok(trainer)
+        }
         #[cfg(feature = "gpu")]
         Backend::Gpu { .. } if !corf::array_field::gpu::forms(&trainer.field.sensor) => {
             note!(
@@ -269,7 +269,9 @@ impl Method for CorfArray {
         let (light_camera, radio_camera, range) =
             (training.light_camera(), training.radio_camera(), training.required_db_range()?);
         let images = oracle_scene.as_ref().map(|path| self.images(&training.scene_behind(path)?, training)).transpose()?;
-        let radio = on_device(ArrayTrainer::new(*radio, self.sensor(training)?, radio_camera, range, seed), &self.backend)?;
+        let pattern = training.receiver().map_or(AntennaPattern::Iso, |receiver| receiver.pattern);
+        let radio = ArrayTrainer::new(*radio, self.sensor(training)?, radio_camera, range, seed).of_elements(pattern);
+        let radio = on_device(radio, &self.backend)?;
         let reconstruction = self.light(training)?.reconstruction;
         let device = light.device(&self.backend)?;
         let online = Online {
