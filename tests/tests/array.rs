@@ -96,3 +96,78 @@ fn an_oracle_of_true_images_needs_the_data_sets_own_scene_and_says_what_it_is() 
     corf_refuses(&words(&reconstruct(&folder.path().join("none.toml"), &refused, &[])), &["oracle_scene", "none.toml"]);
     assert!(!refused.exists());
 }
+
+/// The data set as a capture in the plain layout, with or without `spectra.json`, imported with flags.
+fn imported(data: &Path, folder: &Path, name: &str, stated: Option<&str>, flags: &[&str]) -> PathBuf {
+    let (capture, out) = (folder.join(format!("{name}-capture")), folder.join(name));
+    fs::create_dir_all(&capture).unwrap();
+    copy_folder(&data.join("optical/images"), &capture.join("images"));
+    fs::copy(data.join("trajectory.json"), capture.join("trajectory.json")).unwrap();
+    // A camera is its numbers and nothing else.
+    let header: serde_json::Value = serde_json::from_slice(&fs::read(data.join("dataset.json")).unwrap()).unwrap();
+    fs::write(capture.join("camera.json"), header["header"]["optical_camera"].to_string()).unwrap();
+    if let Some(stated) = stated {
+        fs::write(capture.join("spectra.json"), stated).unwrap();
+    }
+    let mut trajectory: serde_json::Value = serde_json::from_slice(&fs::read(capture.join("trajectory.json")).unwrap()).unwrap();
+    for (i, keyframe) in trajectory["keyframes"].as_array_mut().unwrap().iter_mut().enumerate() {
+        keyframe["file"] = format!("{:05}", i + 1).into();
+    }
+    fs::write(capture.join("trajectory.json"), trajectory.to_string()).unwrap();
+    let (spectra, depth) = (data.join("rf/spectra"), data.join("optical/depth"));
+    let given =
+        ["--from", "corf-folder", "--rf", text(&spectra), "--rf-camera", "90", "--depth", text(&depth), "--out", text(&out)];
+    corf_ok(&[&["dataset", "import", text(&capture)], &given[..], flags].concat());
+    out
+}
+
+#[test]
+fn an_imported_capture_that_states_its_array_trains_as_what_it_was_recorded_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let data = dataset(folder, "beams", "spectrum = \"bartlett\"");
+    let quality = |data: &Path, name: &str| {
+        let run = folder.join(format!("run-{name}"));
+        let arguments =
+            ["reconstruct", text(data), "--method", "corf-array", "--set", "light.depth.prior=\"exact\"", "--device", "cpu"];
+        corf_ok(&[&arguments[..], &["--out", text(&run)]].concat());
+        let metrics: serde_json::Value = serde_json::from_str(&corf_ok(&["evaluate", text(&run), "--json"])).unwrap();
+        ["psnr_rf_jet", "rmse_db", "psnr_opt"].map(|key| metrics["means"][key].as_f64().unwrap())
+    };
+    let original = quality(&data, "original");
+    let array = ["--rf-kind", "bartlett", "--rf-array", "8x8", "--rf-spacing", "0.5", "--rf-quantity", "beam-power"];
+    let by_flags = imported(&data, folder, "flags", None, &array);
+    let stated = r#"{ "spectrum": "bartlett", "receiver": { "rows": 8, "cols": 8, "spacing_wavelengths": 0.5 }, "quantity": "beam_power" }"#;
+    let by_keys = imported(&data, folder, "keys", Some(stated), &[]);
+    for (name, out, by) in [("flags", &by_flags, "--rf-array"), ("keys", &by_keys, "spectra.json: receiver.rows")] {
+        let ours = quality(out, name);
+        // The same numbers but for the last digits of poses.
+        assert!(original.iter().zip(ours).all(|(a, b)| (a - b).abs() < 0.05), "{name}: {original:?} {ours:?}");
+        let file: serde_json::Value = serde_json::from_slice(&fs::read(out.join("dataset.json")).unwrap()).unwrap();
+        assert_eq!((&file["header"]["spectrum"], &file["header"]["receiver"]["cols"]), (&"bartlett".into(), &8.into()));
+        assert!(file["header"]["imported"]["sensor"]["stated_by"].as_array().unwrap().contains(&by.into()), "{by}");
+        assert!(file["conventions"]["spectrum"]["sensor"].as_str().unwrap().contains("8 rows x 8 columns"));
+        let said = corf_ok(&["dataset", "validate", text(out)]);
+        assert!(said.contains("passed") && !said.contains("lobes"), "{said}");
+    }
+
+    // Another array than that of the spectra shows in the width of their lobes, wider or narrower.
+    for (elements, word) in [("16x16", "wider"), ("4x4", "narrower")] {
+        let wrong = ["--rf-kind", "bartlett", "--rf-array", elements, "--rf-spacing", "0.5"];
+        let out = imported(&data, folder, elements, None, &wrong);
+        let output = corf(&["dataset", "validate", text(&out)]);
+        let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        assert!(said.contains(word) && said.contains("warning"), "{elements}: {said}");
+    }
+    // Without a statement the method says which flags make one; a flag that leaves the array open is refused.
+    let silent = imported(&data, folder, "silent", None, &[]);
+    let out = folder.join("refused");
+    corf_refuses(&["reconstruct", text(&silent), "--method", "corf-array", "--out", text(&out)], &["--rf-kind", "--rf-array"]);
+    let capture = folder.join("silent-capture");
+    let spectra = data.join("rf/spectra");
+    let common = ["dataset", "import", text(&capture), "--from", "corf-folder", "--out", text(&out)];
+    let radio = ["--rf", text(&spectra), "--rf-camera", "90", "--rf-kind", "bartlett"];
+    corf_refuses(&[&common[..], &radio[..]].concat(), &["--rf-array", "how many"]);
+    corf_refuses(&[&common[..], &["--rf-kind", "bartlett"]].concat(), &["--rf-kind", "no spectra"]);
+    assert!(!out.exists());
+}

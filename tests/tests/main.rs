@@ -52,6 +52,7 @@ mod links;
 mod live;
 #[cfg(feature = "slow")]
 mod lpips;
+mod made_room;
 #[cfg(feature = "slow")]
 mod masks;
 mod mitsuba;

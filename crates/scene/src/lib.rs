@@ -50,7 +50,7 @@ pub use limits::{bounds, far, near_field};
 pub use materials::{itu, radio_check, radio_spec};
 pub use model::Scene;
 pub(crate) use model::parts;
-pub use model::{fingerprint, info, overlaps, solids};
+pub use model::{fingerprint, info, mounting, overlaps, solids};
 pub use raster::Raster;
 pub use rng::Rng;
 pub(crate) use rooms::builder;

@@ -56,6 +56,7 @@ impl Coverage {
         setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
         setup.check_single_elements()?;
         let plane = self.plane_of(&setup)?;
+        setup.mount(&mut [])?;
         setup.transmitters.iter().try_for_each(|tx| setup.check_transmitter(tx.position))?;
         // Whatever can be refused is refused before the work.
         let out = claim_fresh(&self.out)?;

@@ -1,6 +1,7 @@
 //! `corf diffuse`: what surfaces scatter towards receivers, and which of them.
 
 use super::{Verdict, print};
+use crate::note;
 use crate::radio_link::{InteractionArgs, Point, ScatteringArgs};
 use crate::run::claim_shared;
 use crate::scenes::in_use;
@@ -14,6 +15,7 @@ use corf_raytrace::radio::diffuse::{Contribution, NO_MIRRORS_SR};
 use corf_raytrace::radio::{DiffuseField, DiffuseSettings, RadioSettings, RadioTracer, Solids};
 use corf_raytrace::sensor::{geometry_warnings, radio_settings};
 use corf_scene::config::SceneConfig;
+use corf_scene::mounting::Surfaces;
 use corf_scene::npz::{Array, Values};
 use corf_scene::{Scene, bounds, io, near_field};
 use glam::DVec3;
@@ -91,7 +93,7 @@ impl Diffuse {
     ///
     /// # Errors
     /// A scene that cannot be read or traced, settings out of range, files that cannot be written.
-    pub fn run(self) -> Result<Verdict> {
+    pub fn run(mut self) -> Result<Verdict> {
         let config = SceneConfig::load(&self.scene)?;
         let scene = in_use::load(&config)?;
         config.check_radio(&scene)?;
@@ -103,6 +105,16 @@ impl Diffuse {
         self.scattering.over(&mut sampling.directions, &mut sampling.photons, &mut sampling.patch_size_m);
         let tracer = RadioTracer::new(&scene, &bvh, settings)?;
         let solids = Solids::of(&scene);
+        let surfaces = Surfaces::of(&scene);
+        let mounted = |whose: &str, at: DVec3, facing: Option<DVec3>| -> Result<DVec3> {
+            let mount = surfaces.mount(whose, at, facing)?;
+            mount.iter().for_each(|mount| note!("{}", mount.words(&format!("the {whose}"))));
+            Ok(mount.map_or(at, |mount| mount.position()))
+        };
+        let tx = mounted("transmitter", tx, config.transmitter.facing())?;
+        for rx in &mut self.rx {
+            rx.0 = mounted("receiver", rx.0, None)?;
+        }
         for rx in &self.rx {
             tracer.check_receiver(tx, rx.0)?;
             tracer.check_in_the_open("receiver", rx.0)?;

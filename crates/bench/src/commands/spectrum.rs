@@ -3,6 +3,7 @@
 use super::{Verdict, show};
 use crate::charts::{self, ColourMap};
 use crate::files::json::write_json;
+use crate::note;
 use crate::radio_link::{PathArgs, Point, ScatteringArgs, path_args_over};
 use crate::run::claim_fresh;
 use crate::scenes::in_use;
@@ -18,6 +19,7 @@ use corf_scene::config::{SceneConfig, SpectrumConfig, SpectrumKind, TransmitterC
 use corf_scene::dataset::{EQUIRECTANGULAR_AXES, Quantity};
 use corf_scene::keyframe::DbRange;
 use corf_scene::words::counted;
+use corf_scene::mounting::Surfaces;
 use corf_scene::{Equirectangular, Error, Pinhole, Raster, Rigid3, Scene, bounds, io};
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -151,8 +153,6 @@ impl Spectrum {
         let scene = in_use::load(&config)?;
         config.check_radio(&scene)?;
         let rx = self.rx.0;
-        let solids = Solids::of(&scene);
-        transmitters.iter().try_for_each(|tx| solids.check_link(&scene, tx.position(), rx))?;
         let towards = match (self.towards, transmitters.as_slice()) {
             (Some(point), _) => point.0,
             (None, [one]) => one.position(),
@@ -161,6 +161,16 @@ impl Spectrum {
         ensure!(rx.distance(towards) > 0.0, "--towards: it is where the receiver is\n  help: give another point to look at");
         let up = if (towards - rx).normalize().cross(DVec3::Z).length() > 1e-6 { DVec3::Z } else { DVec3::X };
         let pose = Rigid3::looking_at(rx, towards, up);
+        let (solids, surfaces) = (Solids::of(&scene), Surfaces::of(&scene));
+        let mounted = |whose: &str, at: DVec3, facing: Option<DVec3>| -> Result<DVec3> {
+            let mount = surfaces.mount(whose, at, facing)?;
+            mount.iter().for_each(|mount| note!("{}", mount.words(&format!("the {whose}"))));
+            Ok(mount.map_or(at, |mount| mount.position()))
+        };
+        let rx_off = mounted("receiver", rx, Some(towards - rx))?;
+        for tx in &transmitters {
+            solids.check_link(&scene, mounted("transmitter", tx.position(), tx.facing())?, rx_off)?;
+        }
         let grid = self.grid_of(&radio);
         messages::findings(geometry_warnings(&scene, radio.transmission));
 

@@ -156,12 +156,12 @@ impl<'a> TrainingSet<'a> {
 
     /// Standard deviation of an `mpc` lobe, degrees, if it is known.
     pub fn lobe_width_deg(&self) -> Option<f64> {
-        self.dataset.header().config.as_ref().map(|c| c.radio.lobe_width_deg)
+        self.dataset.header().lobe_width_deg()
     }
 
     /// Diagonal loading of `mvdr` spectra, in units of the covariance's mean eigenvalue, if it is known.
     pub fn mvdr_loading(&self) -> Option<f64> {
-        self.dataset.header().config.as_ref().map(|c| c.radio.mvdr_loading)
+        self.dataset.header().mvdr_loading()
     }
 
     /// The true scene, from the file that the data set was generated from: of oracles alone, whose [`Method::uses_scene`] says so.

@@ -1,5 +1,6 @@
 //! What `corf paths` and `corf coverage` share: a scene, how its radio is traced, and between which antennas.
 
+pub mod chains;
 pub mod coverage_picture;
 mod flags;
 mod receivers;
@@ -22,6 +23,7 @@ use corf_raytrace::radio::{
 };
 use corf_raytrace::sensor::{geometry_warnings, open_edges_note};
 use corf_scene::config::{Orientation, SceneConfig, SpectrumConfig, read_toml};
+use corf_scene::mounting::{Mount, Surfaces};
 use corf_scene::near_field::SPEED_OF_LIGHT;
 use corf_scene::{Error, Scene, bounds, near_field};
 use glam::{DMat3, DVec3};
@@ -194,13 +196,37 @@ impl FromStr for Grid {
     }
 }
 
+/// Antennas on surfaces that are named one by one.
+const MOUNTS_TOLD: usize = 5;
+
 /// A transmitter of a link.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct TransmitEnd {
-    /// World position, metres.
+    /// World position, metres; off the surface that it is mounted on.
     pub position: DVec3,
     /// Its array.
     pub array: AntennaArray,
+    /// The surface that it is mounted on, if it is on one.
+    pub mount: Option<Mount>,
+}
+
+impl TransmitEnd {
+    /// An array at a place.
+    ///
+    /// # Errors
+    /// A place between two bodies.
+    fn at(surfaces: &Surfaces<'_>, position: DVec3, array: AntennaArray) -> Result<Self> {
+        let mount = surfaces.mount("transmitter", position, facing(&array))?;
+        Ok(Self { position: mount.as_ref().map_or(position, Mount::position), array, mount })
+    }
+}
+
+/// Boresight of an array, world, of one that has one.
+fn facing(array: &AntennaArray) -> Option<DVec3> {
+    let Antenna { pattern, beam, world_from_antenna, .. } = array.element;
+    let several = array.grid.rows * array.grid.columns > 1;
+    let has_one = several || beam.is_some() || pattern.has_boresight();
+    has_one.then_some(world_from_antenna.x_axis)
 }
 
 /// A scene ready to be traced.
@@ -226,6 +252,13 @@ impl LinkSetup {
     pub fn load(scene: &Path, arguments: &LinkArgs, tx_grid: Option<Grid>, rx_grid: Option<Grid>) -> Result<Self> {
         let config = SceneConfig::load(scene)?;
         let mut link: LinkConfig = arguments.config.as_ref().map(read_toml).transpose()?.unwrap_or_default();
+        if let Some(path) = &arguments.config {
+            let folder = path.parent().unwrap_or(Path::new(""));
+            for (end, array) in [("transmitter", &mut link.transmitter), ("receiver", &mut link.receiver)] {
+                let place = format!("{}: {end}.pattern", path.display());
+                array.pattern = array.pattern.map(|pattern| pattern.read(folder, &place)).transpose()?;
+            }
+        }
         path_args_over!(arguments.paths, link);
         link.diffuse |= arguments.diffuse;
         arguments.scattering.check_unused(link.diffuse, "add --diffuse (diffuse = true), or leave it out")?;
@@ -241,13 +274,13 @@ impl LinkSetup {
             return Err(Error::invalid("edge_diffraction", "open edges diffract where edges do", help).into());
         }
         let place = |end: &str| arguments.config.as_ref().map_or(end.to_owned(), |p| format!("{}: [{end}]", p.display()));
-        let end = |name: Option<&str>| -> Result<TransmitEnd> {
+        let end = |name: Option<&str>| -> Result<(DVec3, AntennaArray)> {
             let transmitter = config.transmitter_named(name, "--transmitter")?;
             let of_scene = (Antenna::from(transmitter), transmitter.spacing_wavelengths);
             let array = array(&link.transmitter, tx_grid, of_scene, &place("transmitter"))?;
-            Ok(TransmitEnd { position: transmitter.position(), array })
+            Ok((transmitter.position(), array))
         };
-        let transmitters = match arguments.transmitter.as_slice() {
+        let ends = match arguments.transmitter.as_slice() {
             [] => vec![end(None)?],
             names => names.iter().map(|name| end(Some(name))).collect::<Result<_>>()?,
         };
@@ -256,7 +289,10 @@ impl LinkSetup {
         let scene = in_use::load(&config)?;
         config.check_radio(&scene)?;
         messages::findings(geometry_warnings(&scene, link.transmission));
-        let solids = Solids::of(&scene);
+        let (solids, surfaces) = (Solids::of(&scene), Surfaces::of(&scene));
+        let at = |(position, array): (DVec3, AntennaArray)| TransmitEnd::at(&surfaces, position, array);
+        let transmitters: Vec<TransmitEnd> = ends.into_iter().map(at).collect::<Result<_>>()?;
+        drop(surfaces);
         Ok(Self { config, scene, link, transmitters, rx_array, solids })
     }
 
@@ -266,7 +302,9 @@ impl LinkSetup {
     /// Several transmitters: which of them would stand where?
     pub fn place_transmitter(&mut self, places: impl IntoIterator<Item = DVec3>) -> Result<()> {
         let array = self.transmitters[0].array;
-        let placed: Vec<TransmitEnd> = places.into_iter().map(|position| TransmitEnd { position, array }).collect();
+        let surfaces = Surfaces::of(&self.scene);
+        let placed: Vec<TransmitEnd> =
+            places.into_iter().map(|position| TransmitEnd::at(&surfaces, position, array)).collect::<Result<_>>()?;
         match (placed.is_empty(), self.transmitters.len()) {
             (true, _) => {}
             (false, 1) => self.transmitters = placed,
@@ -277,6 +315,26 @@ impl LinkSetup {
             }
         }
         Ok(())
+    }
+
+    /// Mounts the receivers that are on surfaces: each moves off its own. Notes of these, and of transmitters, on standard error.
+    ///
+    /// # Errors
+    /// A receiver between two bodies.
+    pub fn mount(&self, receivers: &mut [DVec3]) -> Result<Vec<Option<Mount>>> {
+        let (surfaces, facing) = (Surfaces::of(&self.scene), facing(&self.rx_array));
+        let mounts: Vec<Option<Mount>> =
+            receivers.iter().map(|rx| Ok(surfaces.mount("receiver", *rx, facing)?)).collect::<Result<_>>()?;
+        for (rx, mount) in receivers.iter_mut().zip(&mounts) {
+            *rx = mount.as_ref().map_or(*rx, Mount::position);
+        }
+        let transmitters = self.transmitters.iter().filter_map(|tx| Some((tx.mount.as_ref()?, "the transmitter")));
+        let all: Vec<(&Mount, &str)> = transmitters.chain(mounts.iter().flatten().map(|m| (m, "a receiver"))).collect();
+        all.iter().take(MOUNTS_TOLD).for_each(|(mount, whose)| note!("{}", mount.words(whose)));
+        if all.len() > MOUNTS_TOLD {
+            note!("and {} more antennas are on surfaces", all.len() - MOUNTS_TOLD);
+        }
+        Ok(mounts)
     }
 
     /// Refuses arrays of several elements where links are between single ones.
@@ -338,7 +396,8 @@ impl LinkSetup {
         let traced_from = |array: &AntennaArray| RadioTracer::new(&self.scene, &bvh, self.radio_settings(array));
         let mut tracer = traced_from(&self.transmitters[0].array)?;
         messages::findings(open_edges_note(&tracer));
-        for (number, &TransmitEnd { position, array }) in self.transmitters.iter().enumerate() {
+        for (number, TransmitEnd { position, array, .. }) in self.transmitters.iter().enumerate() {
+            let (position, array) = (*position, *array);
             if tracer.settings().tx_antenna != array.element {
                 tracer = traced_from(&array)?;
             }

@@ -79,6 +79,9 @@ pub fn generate_from(
     check_memory(config, at_once, waiting)?;
     let plan = SensorPlan::of(config, scene_config)?;
     let mut header = DatasetHeader::from_configs(config, scene_config, scene, 0.0)?;
+    for on_surface in &header.on_surfaces {
+        note!("{}", on_surface.words());
+    }
     let denoiser = Oidn::asked_for(config)?;
     header.denoiser = denoiser.as_ref().map(Oidn::name);
     header.light_adapter = device.adapter().map(str::to_owned);

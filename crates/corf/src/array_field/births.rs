@@ -2,6 +2,7 @@
 
 use super::peaks::SpectrumRay;
 use corf_scene::Rigid3;
+use corf_scene::config::AntennaPattern;
 use corf_scene::model::world_from_array;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -13,6 +14,9 @@ const TRIED: usize = 96;
 /// Ratio of powers beyond which two rays are not of one source, nepers.
 const MOST_RATIO: f64 = 2.0;
 
+/// Gains of elements under this are taken for it: through less nothing can be told of a source.
+const LEAST_GAIN: f64 = 0.01;
+
 /// The rays of a keyframe, in the world.
 #[derive(Clone, Debug)]
 pub struct Sighting {
@@ -23,10 +27,15 @@ pub struct Sighting {
 }
 
 impl Sighting {
-    /// Rays seen by a camera at a pose.
-    pub fn new(world_from_camera: &Rigid3, rays: &[SpectrumRay]) -> Self {
+    /// Rays seen by a camera at a pose, by an array whose elements have a pattern.
+    pub fn new(world_from_camera: &Rigid3, rays: &[SpectrumRay], pattern: AntennaPattern) -> Self {
         let turned = world_from_array(world_from_camera);
-        let ray = |r: &SpectrumRay| (turned * DVec3::from_array(r.direction.map(f64::from)), f64::from(r.power));
+        let ray = |r: &SpectrumRay| {
+            let direction = DVec3::from_array(r.direction.map(f64::from));
+            // What an isotropic element would have received.
+            let gain = pattern.amplitude(direction).powi(2).max(LEAST_GAIN);
+            (turned * direction, f64::from(r.power) / gain)
+        };
         Self { place_m: world_from_camera.translation, rays: rays.iter().map(ray).collect() }
     }
 

@@ -6,8 +6,10 @@
 use super::wave::{WAVES_PER_TASK, Wave, dot};
 use crate::files::tensors::{Tensor, Tensors};
 use crate::{Real, Result};
+use corf_scene::config::AntennaPattern;
 use corf_scene::model::world_from_array;
 use corf_scene::{Pinhole, Rigid3};
+use glam::DVec3;
 use rayon::prelude::*;
 
 /// Nearest distance that free-space loss and directions are taken at, metres.
@@ -35,6 +37,8 @@ pub struct Receiver<T> {
     pub(super) gated: bool,
     /// Greatest power of a wave.
     pub(super) most_power: T,
+    /// Pattern of an element of the array.
+    pub(super) pattern: AntennaPattern,
     /// Least and greatest tangents to the left and upwards of the directions that are let in, where not all are.
     pub(super) frame: Option<[[T; 2]; 2]>,
 }
@@ -50,8 +54,15 @@ impl<T: Real> Receiver<T> {
             weights: weights.iter().map(|(k, w)| (*k, T::of(*w))).collect(),
             gated,
             most_power: T::of(f64::INFINITY),
+            pattern: AntennaPattern::Iso,
             frame: None,
         }
+    }
+
+    /// The same, of elements with a pattern: a wave's power is what one of them receives.
+    pub fn of_elements(mut self, pattern: AntennaPattern) -> Self {
+        self.pattern = pattern;
+        self
     }
 
     /// The same, of waves of no more than a power.
@@ -90,7 +101,7 @@ impl<T: Real> Cloud<T> {
     pub fn waves<U: Real>(&self, receiver: &Receiver<U>, extent2: U) -> Vec<(u32, Wave<U>)> {
         let wave = |emitter: usize| {
             let (direction, d2) = receiver.towards(&self.position[emitter].map(in_precision))?;
-            let power = self.log_gain(emitter, receiver).exp() / d2;
+            let power = self.log_gain(emitter, receiver).exp() / d2 * receiver.element_gain(direction);
             let power = if power < receiver.most_power { power } else { receiver.most_power };
             Some((emitter as u32, Wave { direction, power, spread2: extent2 / d2 }))
         };
@@ -104,6 +115,14 @@ impl<T: Real> Receiver<T> {
     /// Anchors and their weights.
     pub fn weights(&self) -> &[(usize, T)] {
         &self.weights
+    }
+
+    /// Gain of an element towards a direction in the array's frame.
+    pub(super) fn element_gain(&self, direction: [T; 3]) -> T {
+        match self.pattern {
+            AntennaPattern::Iso => T::ONE,
+            pattern => T::of(pattern.amplitude(DVec3::from_array(direction.map(T::to_f64))).powi(2)),
+        }
     }
 
     fn offset(&self, x: &[T; 3]) -> ([T; 3], T) {

@@ -6,6 +6,7 @@ use super::sensor::{ArraySensor, SensorSettings};
 use super::wave::Wave;
 use crate::files::tensors::{self, Kind, Tensors};
 use crate::{Real, Result};
+use corf_scene::config::AntennaPattern;
 use corf_scene::{Pinhole, Raster, Rigid3};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -15,6 +16,8 @@ use std::path::Path;
 pub struct ArrayField {
     /// The sensor.
     pub sensor: SensorSettings,
+    /// Pattern of the sensor's elements.
+    pub pattern: AntennaPattern,
     /// Pixels of an observation.
     pub camera: Pinhole,
     /// Whether emitters outside the frame count.
@@ -38,7 +41,8 @@ impl ArrayField {
     pub(super) fn receiver<T: Real>(&self, world_from_camera: &Rigid3) -> Receiver<T> {
         let weights = self.anchors.weights(world_from_camera.translation);
         let most = self.most_power.unwrap_or(f64::INFINITY);
-        let receiver = Receiver::new(world_from_camera, &weights, self.sensor.is_gated()).of_power_up_to(most);
+        let receiver =
+            Receiver::new(world_from_camera, &weights, self.sensor.is_gated()).of_power_up_to(most).of_elements(self.pattern);
         if self.half_space { receiver } else { receiver.within(&self.camera) }
     }
 
@@ -58,6 +62,8 @@ impl ArrayField {
 #[derive(Serialize, Deserialize)]
 struct Header {
     sensor: SensorSettings,
+    #[serde(default, skip_serializing_if = "is_isotropic")]
+    pattern: AntennaPattern,
     camera: Pinhole,
     half_space: bool,
     #[serde(default)]
@@ -67,6 +73,11 @@ struct Header {
     anchors: Anchors,
     sources: usize,
     points: usize,
+}
+
+/// Fields of isotropic elements are written as ever.
+fn is_isotropic(pattern: &AntennaPattern) -> bool {
+    *pattern == AntennaPattern::Iso
 }
 
 const KIND: Kind =
@@ -80,6 +91,7 @@ impl ArrayField {
     pub fn write(&self, path: &Path) -> Result<()> {
         let header = Header {
             sensor: self.sensor,
+            pattern: self.pattern,
             camera: self.camera,
             half_space: self.half_space,
             over_splats: self.over_splats,
@@ -100,9 +112,9 @@ impl ArrayField {
     pub fn read(path: &Path) -> Result<Self> {
         let (file, header) = Tensors::read_kind::<Header>(path, &KIND)?;
         header.sensor.check(&header.camera)?;
-        let Header { sensor, camera, half_space, over_splats, most_power, extent_m, anchors, sources, points } = header;
+        let Header { sensor, pattern, camera, half_space, over_splats, most_power, extent_m, anchors, sources, points } = header;
         let read = |of, count| Cloud::read(&file, of, count, anchors.positions_m.len());
         let (sources, points) = (read("sources", sources)?, read("points", points)?);
-        Ok(Self { sensor, camera, half_space, over_splats, most_power, extent_m, anchors, sources, points })
+        Ok(Self { sensor, pattern, camera, half_space, over_splats, most_power, extent_m, anchors, sources, points })
     }
 }

@@ -78,6 +78,7 @@ mod tests {
     use super::*;
     use crate::array_field::peaks::SpectrumRay;
     use corf_scene::Rigid3;
+    use corf_scene::config::AntennaPattern;
     use corf_scene::model::world_from_array;
 
     /// Poses along a line, and the ray by which each sees a source of gain 2 at a place.
@@ -90,7 +91,7 @@ mod tests {
         let see = |pose: &Rigid3| {
             let v = place - pose.translation;
             let direction = (world_from_array(pose).transpose() * v.normalize()).as_vec3().to_array();
-            Sighting::new(pose, &[SpectrumRay { direction, power: (2.0 / v.length_squared()) as f32 }])
+            Sighting::new(pose, &[SpectrumRay { direction, power: (2.0 / v.length_squared()) as f32 }], AntennaPattern::Iso)
         };
         let sightings = poses.iter().map(see).collect();
         (poses, sightings)
@@ -133,7 +134,8 @@ mod tests {
     fn parallel_rays_do_not_send_a_source_away() {
         let place = DVec3::new(50.0, 0.0, 1.5);
         let (poses, _) = sightings(place, 6);
-        let ray = |pose: &Rigid3| Sighting::new(pose, &[SpectrumRay { direction: [1.0, 0.0, 0.0], power: 2.0 / 2500.0 }]);
+        let ray =
+            |pose: &Rigid3| Sighting::new(pose, &[SpectrumRay { direction: [1.0, 0.0, 0.0], power: 2.0 / 2500.0 }], AntennaPattern::Iso);
         let sightings: Vec<Sighting> = poses.iter().map(ray).collect();
         let mut cloud = source(place, 2.0);
         for _ in 0..300 {

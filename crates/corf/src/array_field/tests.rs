@@ -7,6 +7,7 @@ use super::cloud::{Cloud, Receiver};
 use super::peaks::rays;
 use super::wave::Wave;
 use super::{ArrayConfig, ArrayField, ArraySensor, ArrayTrainer, SensorSettings};
+use corf_scene::config::AntennaPattern;
 use corf_scene::keyframe::DbRange;
 use corf_scene::model::ARRAY_FROM_CAMERA;
 use corf_scene::{Pinhole, Raster, Rigid3, Rng};
@@ -106,6 +107,23 @@ pub(super) fn poses(count: u64) -> Vec<Rigid3> {
 }
 
 #[test]
+fn elements_with_a_pattern_receive_what_it_lets_them() {
+    let cloud = Cloud {
+        position: vec![[5.0, 1.0, 2.0], [7.0, -1.0, 1.0], [3.0, 2.0, 0.5]],
+        gain: vec![1.0, 2.0, 0.5],
+        seen_from: vec![],
+    };
+    let plain = Receiver::<f64>::new(&poses(1)[0], &[], false);
+    let iso = cloud.waves(&plain, 0.0);
+    let patterned = cloud.waves(&plain.clone().of_elements(AntennaPattern::Tr38901), 0.0);
+    assert_eq!(iso.len(), 3);
+    for ((_, a), (_, b)) in iso.iter().zip(&patterned) {
+        let gain = AntennaPattern::Tr38901.amplitude(DVec3::from_array(a.direction)).powi(2);
+        assert!((b.power / (a.power * gain) - 1.0).abs() < 1e-12 && (gain - 1.0).abs() > 1e-3, "{gain}");
+    }
+}
+
+#[test]
 fn gradients_by_emitters_are_those_of_finite_differences() {
     let sensor = BEAM.build::<f64>(&camera());
     let cloud = Cloud {
@@ -164,7 +182,7 @@ fn rays_of_planted_sources_meet_where_they_are() {
         let sightings: Vec<Sighting> = poses
             .iter()
             .zip(observed(settings, &poses))
-            .map(|(pose, spectrum)| Sighting::new(pose, &rays(&sensor, &camera(), spectrum.pixels(), 20.0)))
+            .map(|(pose, spectrum)| Sighting::new(pose, &rays(&sensor, &camera(), spectrum.pixels(), 20.0), AntennaPattern::Iso))
             .collect();
         let (latest, others) = sightings.split_last().unwrap();
         let found: Vec<_> = (0..latest.rays.len()).map(|ray| meeting(latest, ray, others, 0.02)).collect();

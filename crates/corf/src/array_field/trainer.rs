@@ -11,6 +11,7 @@ use super::refine::{prune, refine};
 use super::sensor::{ArraySensor, SensorSettings};
 use super::stepper::{CpuStepper, Rule, Stepper, View};
 use crate::{Error, Result, stage};
+use corf_scene::config::AntennaPattern;
 use corf_scene::{Pinhole, Raster, Rigid3, Rng, keyframe::DbRange};
 use glam::DVec3;
 use std::collections::HashSet;
@@ -65,6 +66,7 @@ impl ArrayTrainer {
         let settings = if config.array_response { settings } else { settings.without_side_lobes() };
         let field = ArrayField {
             sensor: settings,
+            pattern: AntennaPattern::Iso,
             camera,
             half_space: config.half_space,
             over_splats,
@@ -139,13 +141,20 @@ impl ArrayTrainer {
         Ok(())
     }
 
+    /// The same, of an array whose elements have a pattern; before the first keyframe.
+    pub fn of_elements(mut self, pattern: AntennaPattern) -> Self {
+        self.field.pattern = pattern;
+        self
+    }
+
     /// Goes on with a field as it stood after so many keyframes, which have to be [replayed](Self::replay).
     ///
     /// # Errors
     /// A field of another sensor, camera or configuration.
     pub fn restore(&mut self, field: ArrayField, keyframes: usize) -> Result<()> {
-        let fixed =
-            |f: &ArrayField| (f.sensor, f.camera, f.half_space, f.over_splats, f.most_power, f.extent_m, f.anchors.width_m);
+        let fixed = |f: &ArrayField| {
+            (f.sensor, f.pattern, f.camera, f.half_space, f.over_splats, f.most_power, f.extent_m, f.anchors.width_m)
+        };
         if fixed(&field) != fixed(&self.field) {
             let what = "it is of another sensor, camera or configuration";
             return Err(Error::invalid("checkpoint", what, "resume with the command that was interrupted, or start anew"));
@@ -165,7 +174,7 @@ impl ArrayTrainer {
     fn remember(&mut self, Observed { pose, spectrum, peeled, images }: &Observed) {
         if self.config.sources && images.is_none() {
             let found = peeled.as_ref().map_or_else(|| self.strongest(spectrum), |p| p.rays.clone());
-            self.sightings.push(Sighting::new(pose, &found));
+            self.sightings.push(Sighting::new(pose, &found, self.field.pattern));
         }
         let log = spectrum.pixels().iter().map(|s| (s + self.floor).ln()).collect();
         let background = peeled.as_ref().map(|p| p.remainder.pixels().to_vec());

@@ -10,6 +10,7 @@ use corf_scene::config::{
 };
 use corf_scene::dataset::SamplingError;
 use corf_scene::model::world_from_array;
+use corf_scene::mounting::Surfaces;
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::words::{counted, verb};
 use corf_scene::{Equirectangular, Finding, Pinhole, Raster, Result, Rigid3, Scene, Severity, near_field, radio_check};
@@ -125,6 +126,7 @@ pub struct RadioSensor<'a> {
     transmitter: Transmitter<'a, 'a>,
     diffuse: Option<DiffuseField<'a, 'a>>,
     plan: SensorPlan,
+    surfaces: Surfaces<'a>,
 }
 
 /// Multipath received at a pose: resolved paths and diffuse arrivals.
@@ -189,14 +191,24 @@ impl<'a> RadioSensor<'a> {
     /// # Errors
     /// A transmitter that cannot be traced, or settings out of range.
     pub fn new(plan: &SensorPlan, scene: &'a Scene, tracer: &'a RadioTracer<'a>) -> Result<Self> {
-        let tx = plan.transmitter.position();
+        let surfaces = Surfaces::of(scene);
+        let stated = plan.transmitter.position();
+        let tx = surfaces.mount("transmitter", stated, plan.transmitter.facing())?.map_or(stated, |mount| mount.position());
         Ok(Self {
             scene,
             tracer,
             transmitter: tracer.transmitter(tx)?,
             diffuse: plan.sampling.map(|sampling| DiffuseField::new(tracer, tx, &sampling)).transpose()?,
             plan: *plan,
+            surfaces,
         })
+    }
+
+    /// Where the array is traced at a pose: off the surface that it is on, if it is.
+    fn mounted(&self, pose: &Rigid3) -> Result<Rigid3> {
+        let facing = world_from_array(pose).x_axis;
+        let mount = self.surfaces.mount("receiver", pose.translation, Some(facing))?;
+        Ok(mount.map_or(*pose, |mount| Rigid3 { translation: mount.position(), ..*pose }))
     }
 
     /// Settings of the sensor's spectra.
@@ -232,7 +244,7 @@ impl<'a> RadioSensor<'a> {
         let frequency_hz = self.tracer.settings().frequency_hz;
         let mut doubtful = Vec::new();
         for pose in poses {
-            let distance_m = self.distance_m(pose);
+            let distance_m = self.distance_m(&self.mounted(pose)?);
             near_field::check(&format!("receiver at {}", pose.translation), distance_m, frequency_hz)?;
             doubtful.extend((distance_m < near_field::doubtful_under_m(frequency_hz)).then_some(distance_m));
         }
@@ -241,6 +253,7 @@ impl<'a> RadioSensor<'a> {
     }
 
     fn receive_from(&self, diffuse: Option<&DiffuseField<'_, '_>>, pose: &Rigid3, extent: Extent) -> Result<Received> {
+        let pose = &self.mounted(pose)?;
         let settings = self.tracer.settings();
         let element = element_at(&self.plan.receiver, pose);
         let mut paths = self.transmitter.paths(pose.translation)?;

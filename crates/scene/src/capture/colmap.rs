@@ -232,7 +232,7 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
     notes.extend(further_models(source, &folder));
     let mut files: Vec<PathBuf> = ["cameras", "images", "points3D"].map(file).into_iter().filter(|f| f.is_file()).collect();
     files.extend(rig_files.into_iter().flatten());
-    Ok(Capture { shots, points: sparse.points, lists: None, spectra: None, files, notes })
+    Ok(Capture { shots, points: sparse.points, lists: None, spectra: None, sensor: None, files, notes })
 }
 
 /// The picture of an image in the folder of the images: as the model names it, or without its first folders, as few as can be, where that is a file.

@@ -2,12 +2,14 @@
 
 use super::options::CaptureOptions;
 use super::plan::Plan;
+use crate::dataset::beam_width::{self, Widths};
 use crate::dataset::{DatasetWriter, Extras, KeyframeContent};
 use crate::finding::{Finding, Severity};
 use crate::words::{counted, verb};
 use crate::{Error, Light, Radio, Raster, Result, io};
 use rayon::prelude::*;
 use std::path::Path;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Words about an import.
@@ -32,14 +34,20 @@ pub fn import<E: From<Error> + Send>(
     let plan = Plan::of(options)?;
     let writer = DatasetWriter::create(out, &plan.header, false)?;
     let (done, all, left_out) = (AtomicUsize::new(0), plan.shots.len(), LeftOut::default());
+    let widths: Vec<OnceLock<Widths>> = vec![OnceLock::new(); all];
     (0..all).into_par_iter().try_for_each(|i| {
         let frame = frame(&plan, i, options)?;
         left_out.count(frame.light.as_ref().and_then(|light| light.mask.as_ref()));
+        if let Some(radio) = &frame.radio {
+            widths[i].get_or_init(|| beam_width::of(&radio.spectrum, &plan.header.radio_camera));
+        }
         writer.write_frame(i, &frame)?;
         report(done.fetch_add(1, Ordering::Relaxed) + 1, all)
     })?;
     let mut findings = writer.dark_findings()?;
     findings.extend(left_out.finding());
+    let widths: Vec<Widths> = widths.into_iter().filter_map(OnceLock::into_inner).collect();
+    findings.extend(beam_width::findings("spectra", &plan.header, &widths));
     writer.finish_with_points(&plan.points)?;
     let mut notes = plan.header.imported.map(|i| i.notes).unwrap_or_default();
     notes.extend(left_out.note());

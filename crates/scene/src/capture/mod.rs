@@ -24,12 +24,14 @@ mod plain;
 mod plan;
 mod rf_3dgs;
 mod rounding;
+mod sensor;
 mod spectra;
 mod split;
 
 pub use colmap::read_points;
 pub use import::{CaptureReport, examine, import};
-pub use options::{CaptureOptions, Format, Offset, RadioCamera, SplitRule, Up};
+pub use options::{Format, CaptureOptions, Offset, RadioCamera, SplitRule, Up};
+pub use sensor::{ArrayOptions, SensorOptions, Spacing};
 pub use spectra::RadioValues;
 
 use crate::Rigid3;
@@ -48,6 +50,8 @@ struct Capture {
     lists: Option<Lists>,
     /// Folder with a spectrum for every shot, where the layout has one.
     spectra: Option<PathBuf>,
+    /// What it states of the sensor of its spectra.
+    sensor: Option<sensor::SensorOptions>,
     /// Files that were read for it.
     files: Vec<PathBuf>,
     /// What a user should know of how it was read.

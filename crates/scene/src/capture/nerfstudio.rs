@@ -368,7 +368,7 @@ pub(super) fn read(source: &Path, images: Option<&Path>, wanted: bool) -> Result
         _ => None,
     };
     let notes = words.notes().chain(rounding.note()).chain(unread_masks(&shots)).collect();
-    Ok(Capture { shots, points: Vec::new(), lists, spectra: None, files: vec![path], notes })
+    Ok(Capture { shots, points: Vec::new(), lists, spectra: None, sensor: None, files: vec![path], notes })
 }
 
 #[cfg(test)]

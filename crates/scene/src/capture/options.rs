@@ -1,7 +1,7 @@
 //! Options of an import.
 
+use super::sensor::SensorOptions;
 use super::spectra::{RadioValues, Reading};
-use crate::dataset::Quantity;
 use crate::keyframe::DbRange;
 use crate::{Error, Pinhole, Result, bounds, io};
 use std::path::PathBuf;
@@ -113,10 +113,8 @@ pub struct CaptureOptions {
     pub radio_db: Option<DbRange>,
     /// Unit of the values of spectra that are no pictures; linear power if nobody says.
     pub radio_values: Option<RadioValues>,
-    /// Physical quantity of the spectra; unknown if nobody says.
-    pub quantity: Option<Quantity>,
-    /// Carrier, Hz.
-    pub frequency_hz: Option<f64>,
+    /// The sensor of the spectra, their quantity and carrier.
+    pub sensor: SensorOptions,
     /// Width of the range below the strongest value where `rf_db` states none, dB; [`Self::DYNAMIC_RANGE_DB`] if nobody says.
     pub dynamic_range_db: Option<f64>,
     /// Folder of depth maps, one for every image by its stem.
@@ -153,8 +151,7 @@ impl CaptureOptions {
             radio_camera: None,
             radio_db: None,
             radio_values: None,
-            quantity: None,
-            frequency_hz: None,
+            sensor: SensorOptions::default(),
             dynamic_range_db: None,
             depth: None,
             masks: None,
@@ -183,9 +180,6 @@ impl CaptureOptions {
         if let Some(range) = &self.radio_db {
             bounds::db_range("--rf-db", range)?;
         }
-        if let Some(frequency_hz) = self.frequency_hz {
-            bounds::number("--frequency-hz", frequency_hz, &bounds::FREQUENCY_HZ, "Hz; for 60 GHz write 60e9")?;
-        }
         if let Some(unit) = self.depth_unit_m {
             bounds::number("--depth-unit", unit, &io::DEPTH_UNIT_M, "metres a unit")?;
         }
@@ -207,11 +201,10 @@ impl CaptureOptions {
             (self.radio_db.is_some(), "--rf-db"),
             (self.radio_camera.is_some(), "--rf-camera"),
             (self.radio_values.is_some(), "--rf-values"),
-            (self.quantity.is_some(), "--rf-quantity"),
-            (self.frequency_hz.is_some(), "--frequency-hz"),
             (self.dynamic_range_db.is_some(), "--dynamic-range-db"),
         ]
         .into_iter()
         .find_map(|(given, flag)| given.then_some(flag))
+        .or_else(|| self.sensor.given())
     }
 }

@@ -5,12 +5,13 @@
 //! { "width": 640, "height": 480, "fx": 500, "fy": 500, "cx": 320, "cy": 240, "k1": 0, "k2": 0, "k3": 0, "p1": 0, "p2": 0 }
 //! ```
 //!
-//! A data set's own `trajectory.json` is of this form.
+//! `spectra.json` may state the sensor of the spectra ([`SensorOptions`]). A data set's own `trajectory.json` is of this form.
 
 use super::json::read as json;
 use super::lens::Lens;
 use super::names::{self, Folder};
 use super::rounding::Rounding;
+use super::sensor::{self, SensorOptions};
 use super::{Capture, Shot};
 use crate::{Error, Pinhole, Result, Rigid3, bounds};
 use serde::Deserialize;
@@ -74,6 +75,9 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
     } else {
         Lens::plain(Pinhole::from_horizontal_fov(1, 1, 90.0))
     };
+    let stated = source.join(sensor::FILE);
+    let sensor = stated.is_file().then(|| SensorOptions::read(&stated)).transpose()?;
+    files.extend(sensor.is_some().then_some(stated));
     let names: Vec<&str> = file.keyframes.iter().map(|k| k.file.as_str()).collect();
     let found = match wanted {
         true => Some(Folder::list(images, &["png", "jpg", "jpeg"], "--images")?.of(&names, "image")?),
@@ -94,5 +98,13 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
     };
     let mut shots: Vec<Shot> = file.keyframes.iter().enumerate().map(shot).collect::<Result<_>>()?;
     shots.sort_by(|a, b| names::natural(&a.name, &b.name));
-    Ok(Capture { shots, points: Vec::new(), lists: None, spectra: None, files, notes: rounding.note().into_iter().collect() })
+    Ok(Capture {
+        shots,
+        points: Vec::new(),
+        lists: None,
+        spectra: None,
+        sensor,
+        files,
+        notes: rounding.note().into_iter().collect(),
+    })
 }

@@ -3,7 +3,8 @@
 use super::frame::WorldFromCapture;
 use super::lens::{self, Lens};
 use super::names::Folder;
-use super::options::{CaptureOptions, Format, Offset, RadioCamera};
+use super::options::{Format, CaptureOptions, Offset, RadioCamera};
+use super::sensor::{Sensor, SensorOptions};
 use super::spectra::{self, Encoding};
 use super::{Capture, Shot, colmap, left_out, names, nerfstudio, plain, rf_3dgs, split};
 use crate::dataset::{ColoredPoint, DatasetHeader, Imported, Quantity};
@@ -100,9 +101,10 @@ impl Plan {
     /// Those of [`super::import()`].
     pub fn of(options: &CaptureOptions) -> Result<Self> {
         options.check()?;
-        let Capture { mut shots, points, lists, spectra, files, mut notes } = capture(options)?;
+        let Capture { mut shots, points, lists, spectra, sensor, files, mut notes } = capture(options)?;
         let light = shots.iter().all(|s| s.image.is_some());
         let radio = radio(options, spectra, &shots, &mut notes)?;
+        let sensor = stated_sensor(options, sensor, radio.is_some(), &mut notes)?;
         let (light_camera, radio_camera) = match (light, &radio) {
             (true, _) => {
                 let camera = light_camera(&shots, &mut notes)?;
@@ -148,14 +150,17 @@ impl Plan {
             metres_per_unit: options.metres_per_unit,
             world_from_capture: Some(world.similarity),
             db_range: options.radio_db.filter(|_| radio.is_some()),
+            sensor: sensor.1.stated,
             notes,
             sources,
         };
         let modalities = Modalities { light, radio: radio.is_some() };
-        let quantity = options.quantity.unwrap_or(Quantity::Unknown);
+        let quantity = sensor.0.quantity.unwrap_or(Quantity::Unknown);
         let levels = (quantity, options.radio_db.map_or(options.reading().dynamic_range_db, |r| r.max_db - r.min_db));
         let header = DatasetHeader {
-            frequency_hz: options.frequency_hz,
+            frequency_hz: sensor.0.frequency_hz,
+            receiver: sensor.1.receiver,
+            spectrum: sensor.1.spectrum,
             split,
             stated_split,
             poses: poses(&shots),
@@ -252,6 +257,25 @@ fn radio(options: &CaptureOptions, own: Option<PathBuf>, shots: &[Shot], notes: 
     }
     notes.extend(survey.notes);
     Ok(Some(Radio { folder, files, encoding: survey.encoding, camera }))
+}
+
+/// All that flags and the capture state of the sensor of its spectra, and the sensor that they make.
+fn stated_sensor(
+    options: &CaptureOptions,
+    own: Option<SensorOptions>,
+    radio: bool,
+    notes: &mut Vec<String>,
+) -> Result<(SensorOptions, Sensor)> {
+    let own = match own {
+        Some(_) if !radio => {
+            notes.push("what the capture states of its spectra was left out: none are imported".into());
+            SensorOptions::default()
+        }
+        own => own.unwrap_or_default(),
+    };
+    let stated = options.sensor.before(own, notes);
+    let sensor = stated.sensor(&options.sensor, notes)?;
+    Ok((stated, sensor))
 }
 
 /// Depth maps of all shots: those that were asked for, or the capture's own.

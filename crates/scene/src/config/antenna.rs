@@ -1,5 +1,6 @@
 //! The antennas of a scene file: `[transmitter]`, `[transmitters.NAME]` and `[receiver]`.
 
+use super::pattern::AntennaPattern;
 use crate::{Error, Result, bounds};
 use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
@@ -97,19 +98,6 @@ impl Default for ReceiverConfig {
     }
 }
 
-/// An antenna element's pattern, in its own frame (boresight +x, zenith +z).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum AntennaPattern {
-    /// Isotropic: C_θ = 1.
-    #[default]
-    Iso,
-    /// Short dipole along z: √1.5·|sinθ|.
-    Dipole,
-    /// 3GPP TR 38.901, Table 7.3-1.
-    Tr38901,
-}
-
 /// The polarisation of an antenna element: one port, or two that share a place.
 ///
 /// A port of slant ζ radiates F_θ = √G·cosζ, F_φ = √G·sinζ of the element's gain G (3GPP TR 38.901 §7.3.2, model 2).
@@ -179,10 +167,17 @@ impl TransmitterConfig {
         DVec3::from_array(self.position_m)
     }
 
+    /// World direction of its boresight, or of its beam, where it has one: an isotropic element and a dipole send to all sides.
+    pub fn facing(&self) -> Option<DVec3> {
+        let has_one = self.rows * self.cols > 1 || self.pattern.has_boresight();
+        has_one.then(|| self.orientation.world_from_array() * DVec3::X)
+    }
+
     pub(crate) fn validate(&self, place: &str) -> Result<()> {
         bounds::position(&format!("{place}.position_m"), self.position())?;
         self.orientation.validate(&format!("{place}.orientation"))?;
         check_elements(self.rows, self.cols, self.spacing_wavelengths, place)?;
+        self.pattern.check_read(&format!("{place}.pattern"))?;
         let Some(beam) = self.beam else { return Ok(()) };
         if self.rows * self.cols == 1 {
             return Err(Error::invalid(
@@ -204,7 +199,8 @@ impl TransmitterConfig {
 
 impl ReceiverConfig {
     pub(crate) fn validate(&self, place: &str) -> Result<()> {
-        check_elements(self.rows, self.cols, self.spacing_wavelengths, place)
+        check_elements(self.rows, self.cols, self.spacing_wavelengths, place)?;
+        self.pattern.check_read(&format!("{place}.pattern"))
     }
 }
 

@@ -82,8 +82,22 @@ impl SceneConfig {
         let path = path.as_ref();
         let mut config: Self = read_toml(path)?;
         config.source = path.to_path_buf();
+        config.read_patterns()?;
         config.validate()?;
         Ok(config)
+    }
+
+    /// Reads the antenna patterns that are in files, relative to this one.
+    fn read_patterns(&mut self) -> Result<()> {
+        let folder = self.source.parent().unwrap_or(Path::new("")).to_path_buf();
+        let file = self.source.display().to_string();
+        let named = self.transmitters.iter_mut().map(|(name, t)| (format!("transmitters.{name}"), &mut t.pattern));
+        let own =
+            [("transmitter".to_owned(), &mut self.transmitter.pattern), ("receiver".to_owned(), &mut self.receiver.pattern)];
+        for (key, pattern) in own.into_iter().chain(named) {
+            *pattern = pattern.read(&folder, &format!("{file}: {key}.pattern"))?;
+        }
+        Ok(())
     }
 
     /// Checks every value against what the tracer can use.

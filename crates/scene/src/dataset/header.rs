@@ -3,6 +3,7 @@
 use crate::config::{DatasetConfig, ReceiverConfig, SceneConfig, SpectrumKind, SplitConfig, TransmitterConfig};
 use crate::keyframe::{DbRange, Modalities};
 use crate::model::Permittivity;
+use crate::mounting::{Mount, Surfaces};
 use crate::radio_spec::RadioSpec;
 use crate::trajectory::TrajectoryPose;
 use crate::{Equirectangular, Error, Pinhole, Result, Rigid3, Scene, Similarity3, bounds, fingerprint, io};
@@ -50,6 +51,9 @@ pub struct DatasetHeader {
     pub transmitter: Option<TransmitterConfig>,
     /// The platform's array, if known.
     pub receiver: Option<ReceiverConfig>,
+    /// Antennas that are on a surface, and the side of it from which they were traced: the transmitter (no index), and keyframes by theirs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub on_surfaces: Vec<OnSurface>,
     /// Kind of the angular spectra, if known.
     pub spectrum: Option<SpectrumKind>,
     /// Physical quantity of a spectrum's values.
@@ -119,10 +123,27 @@ pub struct Imported {
     pub world_from_capture: Option<Similarity3>,
     /// The decibel range that was stated with the spectra.
     pub db_range: Option<DbRange>,
+    /// What was stated of the sensor of the spectra beside [`DatasetHeader::spectrum`] and [`DatasetHeader::receiver`]; none where nothing was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<StatedSensor>,
     /// Changes and assumptions, in words.
     pub notes: Vec<String>,
     /// SHA-256 of every file that was read, by its path below the folder it was given with.
     pub sources: BTreeMap<String, String>,
+}
+
+/// A sensor that whoever recorded the spectra states: nothing in their files says it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StatedSensor {
+    /// Flags and keys of the capture that state it, the kind of the spectra and their array included.
+    pub stated_by: Vec<String>,
+    /// Standard deviation of an `mpc` lobe along each axis, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lobe_width_deg: Option<f64>,
+    /// Diagonal loading of `mvdr` in units of the covariance's mean eigenvalue.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mvdr_loading: Option<f64>,
 }
 
 impl Imported {
@@ -159,7 +180,7 @@ impl MaterialRecord {
             .map(|(material, radio)| {
                 let (relative_permittivity, imaginary) = radio.complex_permittivity(frequency_hz)?;
                 let source = match &radio.permittivity {
-                    Permittivity::Itu(name) => format!("ITU-R P.2040-3, table 3, \"{name}\""),
+                    Permittivity::Itu(name) => crate::itu::source(name, frequency_hz)?,
                     Permittivity::Constant { .. } => "constants given with the scene, at its carrier".into(),
                 };
                 Ok(Self {
@@ -174,6 +195,37 @@ impl MaterialRecord {
                 })
             })
             .collect()
+    }
+}
+
+/// An antenna of a data set that is on a surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OnSurface {
+    /// Index of the keyframe; none of the transmitter.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keyframe: Option<usize>,
+    /// Its surface and side.
+    pub mount: Mount,
+}
+
+impl OnSurface {
+    /// Those of a transmitter and of the platform's poses.
+    fn all(scene: &Scene, transmitter: &TransmitterConfig, poses: &[TrajectoryPose]) -> Result<Vec<Self>> {
+        let surfaces = Surfaces::of(scene);
+        let tx = surfaces.mount("transmitter", transmitter.position(), transmitter.facing())?;
+        let mut all: Vec<Self> = tx.into_iter().map(|mount| Self { keyframe: None, mount }).collect();
+        for TrajectoryPose { index, world_from_camera: pose, .. } in poses {
+            let whose = format!("keyframe {index}");
+            let mount = surfaces.mount(&whose, pose.translation, Some(pose.transform_vector(DVec3::Z)))?;
+            all.extend(mount.map(|mount| Self { keyframe: Some(*index), mount }));
+        }
+        Ok(all)
+    }
+
+    /// In words.
+    pub fn words(&self) -> String {
+        self.mount.words(&self.keyframe.map_or("the transmitter".to_owned(), |index| format!("keyframe {index}")))
     }
 }
 
@@ -245,6 +297,7 @@ impl DatasetHeader {
             frequency_hz: None,
             transmitter: None,
             receiver: None,
+            on_surfaces: Vec::new(),
             spectrum: None,
             quantity,
             dynamic_range_db,
@@ -271,7 +324,9 @@ impl DatasetHeader {
         let mesh_path = scene_config.mesh_path();
         let mesh = io::read(&mesh_path)?;
         let stands_alone = fingerprint::stands_alone(&mesh_path, &mesh);
+        let (transmitter, poses) = (*config.transmitter_of(scene_config)?, config.poses(scene_config)?);
         Ok(Self {
+            on_surfaces: OnSurface::all(scene, &transmitter, &poses)?,
             name: config.name.clone(),
             seed: config.seed,
             modalities: Modalities::BOTH,
@@ -282,7 +337,7 @@ impl DatasetHeader {
             denoiser: None,
             light_adapter: None,
             frequency_hz: Some(scene_config.radio.frequency_hz),
-            transmitter: Some(*config.transmitter_of(scene_config)?),
+            transmitter: Some(transmitter),
             receiver: Some(scene_config.receiver),
             spectrum: Some(config.radio.spectrum),
             quantity: Quantity::of(config.radio.spectrum),
@@ -298,8 +353,20 @@ impl DatasetHeader {
             config: Some(config.clone()),
             scene: Some(scene_config.clone()),
             imported: None,
-            poses: config.poses(scene_config)?,
+            poses,
         })
+    }
+
+    /// Standard deviation of an `mpc` lobe along each axis, degrees, if it is known.
+    pub fn lobe_width_deg(&self) -> Option<f64> {
+        let of_config = self.config.as_ref().map(|config| config.radio.lobe_width_deg);
+        of_config.or_else(|| self.imported.as_ref()?.sensor.as_ref()?.lobe_width_deg)
+    }
+
+    /// Diagonal loading of `mvdr` spectra in units of the covariance's mean eigenvalue, if it is known.
+    pub fn mvdr_loading(&self) -> Option<f64> {
+        let of_config = self.config.as_ref().map(|config| config.radio.mvdr_loading);
+        of_config.or_else(|| self.imported.as_ref()?.sensor.as_ref()?.mvdr_loading)
     }
 
     /// What was taken off all positions of the capture or of the scene's mesh, metres along the data set's axes; `None` where they were kept.

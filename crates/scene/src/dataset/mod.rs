@@ -15,6 +15,7 @@
 //! File stems count from 1, indices from 0. Each modality's folder is self-contained: COLMAP and transforms.json readers open it as it is.
 //! No file but `images/N.png` ends in `N.png`, because some readers match images by suffix.
 
+pub(crate) mod beam_width;
 mod checks;
 mod conventions;
 mod darkness;
@@ -33,7 +34,10 @@ mod writer;
 pub use conventions::{Conventions, EQUIRECTANGULAR_AXES};
 pub use export::ColoredPoint;
 pub(crate) use export::{Besides, transforms_json};
-pub use header::{DATASET_SCHEMA, DatasetHeader, Imported, MaterialRecord, MeanAndRange, Quantity, SamplingError, StatedSplit};
+pub use header::{
+    DATASET_SCHEMA, DatasetHeader, Imported, MaterialRecord, OnSurface, Quantity, SamplingError, StatedSensor, StatedSplit,
+    MeanAndRange,
+};
 pub use identity::check_finished;
 pub use layout::stem;
 pub use numpy::keyframe_npz;

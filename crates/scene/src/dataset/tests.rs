@@ -36,6 +36,7 @@ fn header() -> DatasetHeader {
         frequency_hz: Some(60e9),
         transmitter: None,
         receiver: Some(ReceiverConfig::default()),
+        on_surfaces: vec![],
         spectrum: Some(SpectrumKind::Mpc),
         quantity: Quantity::PowerPerSteradian,
         dynamic_range_db: 50.0,

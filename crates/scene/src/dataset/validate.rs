@@ -1,5 +1,6 @@
 //! Replays the rules of the tools that read a dataset, and its own.
 
+use super::beam_width::{self, Widths};
 use super::checks::own_file;
 use super::darkness::{self, Sight};
 use super::export::Modality as Modalities;
@@ -32,11 +33,13 @@ pub fn validate(dir: impl AsRef<Path>) -> Result<Vec<Finding>> {
         return Ok(foreign);
     }
     let mut findings = check_files(&dataset)?;
-    let of_frames: Vec<(Vec<Finding>, Option<Sight>)> =
+    let of_frames: Vec<(Vec<Finding>, Option<Seen>)> =
         (0..dataset.len()).into_par_iter().map(|i| check_keyframe(&dataset, i)).collect();
-    let sights: Vec<Sight> = of_frames.iter().filter_map(|(_, sight)| *sight).collect();
+    let sights: Vec<Sight> = of_frames.iter().filter_map(|(_, seen)| Some(seen.as_ref()?.sight)).collect();
+    let widths: Vec<Widths> = of_frames.iter().filter_map(|(_, seen)| seen.as_ref()?.widths).collect();
     findings.extend(of_frames.into_iter().flat_map(|(of_frame, _)| of_frame));
     findings.extend(darkness::findings(&dataset.dir().display().to_string(), &sights, dataset.header().imported.is_some()));
+    findings.extend(beam_width::findings(&dataset.dir().display().to_string(), dataset.header(), &widths));
     findings.extend(dataset.far_finding());
     let file = dataset.file();
     if file.conventions != super::conventions::of(&file.header, file.db_range.as_ref()) {
@@ -151,13 +154,22 @@ fn check_files(dataset: &Dataset) -> Result<Vec<Finding>> {
     Ok(findings)
 }
 
-/// Findings about one keyframe, and the emptiness of its images where they can be read.
-fn check_keyframe(dataset: &Dataset, index: usize) -> (Vec<Finding>, Option<Sight>) {
+/// What a keyframe shows, for findings about all of them.
+struct Seen {
+    sight: Sight,
+    /// Widths of the strongest lobe, where there is a spectrum.
+    widths: Option<Widths>,
+}
+
+/// Findings about one keyframe, and what it shows where it can be read.
+fn check_keyframe(dataset: &Dataset, index: usize) -> (Vec<Finding>, Option<Seen>) {
     let keyframe = match dataset.keyframe(index) {
         Ok(keyframe) => keyframe,
         Err(e) => return (vec![of_error(e)], None),
     };
-    let sight = Some(keyframe.light.as_ref().map(Sight::of).unwrap_or_default());
+    let sight = keyframe.light.as_ref().map(Sight::of).unwrap_or_default();
+    let widths = keyframe.radio.as_ref().map(|radio| beam_width::of(&radio.spectrum, &dataset.radio_camera()));
+    let seen = Some(Seen { sight, widths });
     let mut findings = Vec::new();
     let mut fail = |name: String, what: &str, help: &str| {
         findings.push(Finding::error(dataset.dir().join(name).display().to_string(), what, help));
@@ -168,7 +180,7 @@ fn check_keyframe(dataset: &Dataset, index: usize) -> (Vec<Finding>, Option<Sigh
             fail(layout::spectrum(index), "its peak is above the dataset's dB range", "generate the dataset again");
         }
         match io::read_png(dataset.dir().join(layout::radio_image(index))) {
-            Err(e) => return (findings.into_iter().chain([of_error(e)]).collect(), sight),
+            Err(e) => return (findings.into_iter().chain([of_error(e)]).collect(), seen),
             Ok(image) if image != range.jet_image(&radio.spectrum) => {
                 fail(layout::radio_image(index), "is not the Jet image of the spectrum", "generate the dataset again");
             }
@@ -186,7 +198,7 @@ fn check_keyframe(dataset: &Dataset, index: usize) -> (Vec<Finding>, Option<Sigh
     {
         fail(layout::depth(index), "has a depth that is negative or no number", "generate the dataset again");
     }
-    (findings, sight)
+    (findings, seen)
 }
 
 /// One modality's folder, as another tool sees it.

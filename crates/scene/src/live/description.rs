@@ -1,7 +1,7 @@
 //! Description of a live capture: all that its keyframes share.
 
 use crate::config::{ReceiverConfig, SpectrumKind, TransmitterConfig};
-use crate::dataset::{Dataset, DatasetHeader, Imported, Quantity};
+use crate::dataset::{Dataset, DatasetHeader, Imported, Quantity, StatedSensor};
 use crate::keyframe::{DbRange, Modalities};
 use crate::{Error, Pinhole, Result, bounds, io};
 use glam::DVec3;
@@ -31,6 +31,12 @@ pub struct LiveDescription {
     /// Kind of the angular spectra, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spectrum: Option<SpectrumKind>,
+    /// Standard deviation of an `mpc` lobe along each axis, degrees, if known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lobe_width_deg: Option<f64>,
+    /// Diagonal loading of `mvdr` in units of the covariance's mean eigenvalue, if known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mvdr_loading: Option<f64>,
     /// Carrier, Hz, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frequency_hz: Option<f64>,
@@ -101,6 +107,8 @@ impl LiveDescription {
             keyframes: Some(dataset.len()),
             quantity: header.quantity,
             spectrum: header.spectrum,
+            lobe_width_deg: header.lobe_width_deg().filter(|_| header.spectrum == Some(SpectrumKind::Mpc)),
+            mvdr_loading: header.mvdr_loading().filter(|_| header.spectrum == Some(SpectrumKind::Mvdr)),
             frequency_hz: header.frequency_hz,
             depth,
             depth_unit_m: None,
@@ -131,6 +139,12 @@ impl LiveDescription {
         bounds::db_range(&format!("{place}, key `db_range`"), &self.db_range)?;
         if let Some(unit) = self.depth_unit_m {
             bounds::number(&format!("{place}, key `depth_unit_m`"), unit, &io::DEPTH_UNIT_M, "metres a unit")?;
+        }
+        if let Some(width) = self.lobe_width_deg {
+            bounds::number(&format!("{place}, key `lobe_width_deg`"), width, &(1e-3..=90.0), "degrees")?;
+        }
+        if let Some(loading) = self.mvdr_loading {
+            bounds::number(&format!("{place}, key `mvdr_loading`"), loading, &(1e-9..=1.0), "mean eigenvalues")?;
         }
         if let Some(frequency) = self.frequency_hz {
             bounds::number(&format!("{place}, key `frequency_hz`"), frequency, &bounds::FREQUENCY_HZ, "Hz")?;
@@ -165,6 +179,13 @@ impl LiveDescription {
     /// The header of the data set that the keyframes make, without any yet: test keyframes are those whose index can be divided by eight.
     pub fn header(&self) -> DatasetHeader {
         let notes = vec!["keyframes were taken as they landed in a live folder, numbered in that order".to_owned()];
+        let (lobe_width_deg, mvdr_loading) = (self.lobe_width_deg, self.mvdr_loading);
+        // Bytes of data sets of descriptions without the two keys are those of earlier versions.
+        let sensor = (lobe_width_deg.is_some() || mvdr_loading.is_some()).then(|| StatedSensor {
+            stated_by: vec![DESCRIPTION.to_owned()],
+            lobe_width_deg,
+            mvdr_loading,
+        });
         let imported = Imported {
             offset_m: None,
             format: LIVE_SCHEMA.to_owned(),
@@ -173,6 +194,7 @@ impl LiveDescription {
             metres_per_unit: 1.0,
             world_from_capture: None,
             db_range: Some(self.db_range),
+            sensor,
             notes,
             sources: BTreeMap::new(),
         };

@@ -211,6 +211,8 @@ mod tests {
             keyframes: None,
             quantity: Quantity::Unknown,
             spectrum: None,
+            lobe_width_deg: None,
+            mvdr_loading: None,
             frequency_hz: None,
             depth: true,
             depth_unit_m: None,

@@ -1,4 +1,4 @@
-//! ITU-R P.2040-3, Table 3: electrical properties of building materials, `ε_r = a·f^b`, `σ = c·f^d` with f in GHz.
+//! ITU-R P.2040-3 and P.2040-4, Table 3: electrical properties of building materials, `ε_r = a·f^b`, `σ = c·f^d` with f in GHz.
 
 use crate::model::{Permittivity, RadioMaterial};
 use crate::{Error, Result};
@@ -21,27 +21,55 @@ pub struct ItuMaterial {
     pub d: f64,
     /// Frequencies the row holds for, GHz, both ends included.
     pub range_ghz: [f64; 2],
+    /// Edition of the recommendation from which on the row is there.
+    pub edition: u32,
 }
 
 const fn row(name: &'static str, a: f64, b: f64, c: f64, d: f64, low: f64, high: f64) -> ItuMaterial {
-    ItuMaterial { name, a, b, c, d, range_ghz: [low, high] }
+    ItuMaterial { name, a, b, c, d, range_ghz: [low, high], edition: 3 }
 }
 
-/// Recommendation ITU-R P.2040-3 (08/2023), Table 3. A name listed twice holds in two disjoint ranges.
-pub const TABLE_3: [ItuMaterial; 17] = [
+const fn new(name: &'static str, a: f64, b: f64, c: f64, d: f64, low: f64, high: f64) -> ItuMaterial {
+    ItuMaterial { edition: 4, ..row(name, a, b, c, d, low, high) }
+}
+
+/// Recommendation ITU-R P.2040-3 (08/2023), Table 3, whose rows P.2040-4 keeps, and behind them for each name those that P.2040-4 (2025) adds. Of rows
+/// that hold at one frequency the first is taken.
+pub const TABLE_3: [ItuMaterial; 38] = [
     row("vacuum", 1.0, 0.0, 0.0, 0.0, 0.001, 100.0),
     row("concrete", 5.24, 0.0, 0.0462, 0.7822, 1.0, 100.0),
+    new("concrete", 5.17, 0.0, 0.0145, 1.0900, 110.0, 330.0),
     row("brick", 3.91, 0.0, 0.0238, 0.16, 1.0, 40.0),
+    new("brick", 4.15, 0.0, 0.0006, 1.5712, 110.0, 330.0),
     row("plasterboard", 2.73, 0.0, 0.0085, 0.9395, 1.0, 100.0),
+    new("plasterboard", 2.56, 0.0, 0.0001, 1.7799, 110.0, 330.0),
+    new("plasterboard", 2.65, 0.0, 0.0002, 1.598, 100.0, 400.0),
     row("wood", 1.99, 0.0, 0.0047, 1.0718, 0.001, 100.0),
+    new("wood", 1.82, 0.0, 0.0040, 1.0761, 110.0, 330.0),
+    new("wood", 2.1183, 0.0, 0.0055, 1.1113, 100.0, 400.0),
     row("glass", 6.31, 0.0, 0.0036, 1.3394, 0.1, 100.0),
     row("glass", 5.79, 0.0, 0.0004, 1.658, 220.0, 450.0),
+    new("glass", 6.5767, 0.0, 0.0012, 1.4697, 100.0, 400.0),
+    new("clear_acrylic", 2.58, 0.0, 0.0001, 1.6524, 110.0, 330.0),
     row("ceiling_board", 1.48, 0.0, 0.0011, 1.0750, 1.0, 100.0),
     row("ceiling_board", 1.52, 0.0, 0.0029, 1.029, 220.0, 450.0),
+    new("ceiling_board", 1.2567, 0.0, 0.000_13, 1.454, 100.0, 400.0),
     row("chipboard", 2.58, 0.0, 0.0217, 0.7800, 1.0, 100.0),
+    new("chipboard", 2.16, 0.0, 0.0023, 1.359, 100.0, 200.0),
     row("plywood", 2.71, 0.0, 0.33, 0.0, 1.0, 40.0),
+    new("plywood", 1.94, 0.0, 0.0067, 0.9982, 110.0, 330.0),
+    new("plywood", 2.17, 0.0, 0.0063, 1.045, 100.0, 400.0),
     row("marble", 7.074, 0.0, 0.0055, 0.9262, 1.0, 60.0),
+    new("marble", 7.94, 0.0, 0.0001, 1.7330, 110.0, 330.0),
+    new("marble", 8.62, 0.0, 0.0027, 1.15, 100.0, 400.0),
     row("floorboard", 3.66, 0.0, 0.0044, 1.3515, 50.0, 100.0),
+    new("floorboard", 5.27, 0.0, 2.22e-17, 7.3413, 220.0, 300.0),
+    new("floorboard", 5.27, 0.0, 0.0003, 2.0298, 300.0, 400.0),
+    new("floorboard", 5.27, 0.0, 49.8726, 0.0, 400.0, 450.0),
+    new("floorboard", 3.1575, 0.0, 0.001_675, 1.327_75, 100.0, 400.0),
+    new("vinyl_tile", 3.62, 0.0, 0.0051, 0.8422, 1.0, 40.0),
+    new("carpet_tile", 2.08, 0.0, 0.0009, 0.8200, 1.0, 40.0),
+    new("asphalt_concrete", 4.83, 0.0, 0.0108, 1.3969, 1.0, 40.0),
     row("metal", 1.0, 0.0, 1e7, 0.0, 1.0, 100.0),
     row("very_dry_ground", 3.0, 0.0, 0.000_15, 2.52, 1.0, 10.0),
     row("medium_dry_ground", 15.0, -0.1, 0.035, 1.63, 1.0, 10.0),
@@ -60,26 +88,43 @@ pub fn names() -> Vec<&'static str> {
 /// # Errors
 /// An unknown name, or a frequency outside the row's validity range.
 pub fn properties(name: &str, frequency_hz: f64) -> Result<(f64, f64)> {
-    let rows: Vec<&ItuMaterial> = TABLE_3.iter().filter(|m| m.name == name).collect();
+    let (m, f_ghz) = (row_at(name, frequency_hz)?, frequency_hz / 1e9);
+    Ok((m.a * f_ghz.powf(m.b), m.c * f_ghz.powf(m.d)))
+}
+
+/// The row of Table 3 that gives a material's [`properties`], and its place in words.
+///
+/// # Errors
+/// Those of [`properties`].
+pub fn source(name: &str, frequency_hz: f64) -> Result<String> {
+    let m = row_at(name, frequency_hz)?;
+    let range = match m.edition {
+        3 => String::new(),
+        _ => format!(", {} to {} GHz", m.range_ghz[0], m.range_ghz[1]),
+    };
+    Ok(format!("ITU-R P.2040-{}, table 3, \"{name}\"{range}", m.edition))
+}
+
+fn row_at(name: &str, frequency_hz: f64) -> Result<&'static ItuMaterial> {
+    let rows: Vec<&'static ItuMaterial> = TABLE_3.iter().filter(|m| m.name == name).collect();
     if rows.is_empty() {
         let near = crate::words::nearest(name, names()).map_or(String::new(), |n| format!("did you mean `{n}`? "));
         return Err(Error::invalid(
             format!("radio material `{name}`"),
-            "ITU-R P.2040-3 has no such material",
+            "ITU-R P.2040 has no such material",
             format!("{near}known: {}", names().join(", ")),
         ));
     }
     let f_ghz = frequency_hz / 1e9;
     let inside = |m: &ItuMaterial| (m.range_ghz[0]..=m.range_ghz[1]).contains(&f_ghz);
-    let Some(m) = rows.iter().find(|m| inside(m)) else {
+    rows.iter().find(|m| inside(m)).copied().ok_or_else(|| {
         let ranges: Vec<String> = rows.iter().map(|m| format!("{} to {} GHz", m.range_ghz[0], m.range_ghz[1])).collect();
-        return Err(Error::invalid(
+        Error::invalid(
             format!("radio material `{name}`"),
-            format!("ITU-R P.2040-3 defines it from {}, not at {f_ghz} GHz", ranges.join(" and ")),
+            format!("ITU-R P.2040 defines it from {}, not at {f_ghz} GHz", ranges.join(" and ")),
             "give relative_permittivity and conductivity_s_per_m from a measurement at the carrier, or choose another material",
-        ));
-    };
-    Ok((m.a * f_ghz.powf(m.b), m.c * f_ghz.powf(m.d)))
+        )
+    })
 }
 
 /// The largest relative permittivity, which ferroelectrics reach.
@@ -127,7 +172,7 @@ impl RadioMaterial {
                 if !names().contains(&name.as_str()) {
                     let near = crate::words::nearest(name, names()).map_or(String::new(), |n| format!("did you mean `{n}`? "));
                     let help = format!("{near}known: {}", names().join(", "));
-                    return fail(format!("itu = \"{name}\" is not in ITU-R P.2040-3"), &help);
+                    return fail(format!("itu = \"{name}\" is not in ITU-R P.2040"), &help);
                 }
             }
             Permittivity::Constant { relative_permittivity: e, conductivity_s_per_m: s } => {
@@ -187,8 +232,36 @@ mod tests {
             assert!(message.contains(name) && message.contains("60 GHz") && message.contains(" to "), "{message}");
         }
         assert!(properties("marble", 60.1e9).is_err());
-        assert!(properties("glass", 150e9).is_err());
+        assert!(properties("glass", 460e9).is_err() && properties("clear_acrylic", 60e9).is_err());
         assert!((properties("glass", 300e9).unwrap().0 - 5.79).abs() < 1e-12);
+    }
+
+    #[test]
+    fn rows_of_the_fourth_edition_hold_where_it_says_and_say_so() {
+        // Both ends of ranges, and the row that comes first where two hold.
+        for (name, f_ghz, relative, conductivity) in [
+            ("concrete", 110.0, 5.17, 0.0145 * 110f64.powf(1.09)),
+            ("plasterboard", 105.0, 2.65, 0.0002 * 105f64.powf(1.598)),
+            ("plasterboard", 140.0, 2.56, 0.0001 * 140f64.powf(1.7799)),
+            ("glass", 150.0, 6.5767, 0.0012 * 150f64.powf(1.4697)),
+            ("floorboard", 450.0, 5.27, 49.8726),
+            ("vinyl_tile", 40.0, 3.62, 0.0051 * 40f64.powf(0.8422)),
+            ("carpet_tile", 1.0, 2.08, 0.0009),
+            ("asphalt_concrete", 28.0, 4.83, 0.0108 * 28f64.powf(1.3969)),
+            ("clear_acrylic", 330.0, 2.58, 0.0001 * 330f64.powf(1.6524)),
+        ] {
+            let (e, s) = properties(name, f_ghz * 1e9).unwrap();
+            assert!((e - relative).abs() < 1e-12 && (s / conductivity - 1.0).abs() < 1e-12, "{name}: {e} {s}");
+            let source = source(name, f_ghz * 1e9).unwrap();
+            assert!(source.starts_with("ITU-R P.2040-4") && source.contains(" GHz"), "{source}");
+        }
+        // What the third edition has is said as it ever was.
+        assert_eq!(source("concrete", 60e9).unwrap(), "ITU-R P.2040-3, table 3, \"concrete\"");
+        // At 300 GHz the pieces of floorboard's conductivity meet: 2.22e-17·300^7.3413 against 0.0003·300^2.0298.
+        let pieces = [299.999, 300.001].map(|f: f64| properties("floorboard", f * 1e9).unwrap().1);
+        assert!((pieces[0] / pieces[1] - 1.0).abs() < 0.07, "{pieces:?}");
+        let pieces = [399.999, 400.001].map(|f: f64| properties("floorboard", f * 1e9).unwrap().1);
+        assert!((pieces[0] / pieces[1] - 1.0).abs() < 0.16, "{pieces:?}");
     }
 
     #[test]

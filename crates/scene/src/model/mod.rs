@@ -2,6 +2,7 @@
 
 pub mod fingerprint;
 pub mod info;
+pub mod mounting;
 pub mod overlaps;
 pub(crate) mod parts;
 pub mod solids;

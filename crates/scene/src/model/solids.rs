@@ -54,6 +54,11 @@ impl Solids {
         self.bodies.iter().find(|body| body.contains(point)).map(|body| body.object)
     }
 
+    /// Whether a point lies in an object that closes around a volume, faces outward and is not the room that everything stands in.
+    pub fn in_body(&self, point: DVec3) -> bool {
+        self.bodies.iter().any(|body| !body.hull && body.contains(point))
+    }
+
     /// Whether an object closes around a volume, faces outward and is not the room that everything stands in.
     pub fn is_body(&self, object: u32) -> bool {
         self.bodies.iter().any(|body| body.object == object && !body.hull)

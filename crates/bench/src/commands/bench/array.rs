@@ -231,6 +231,7 @@ impl Array {
         };
         ArrayField {
             sensor,
+            pattern: corf_scene::config::AntennaPattern::Iso,
             camera: Pinhole::from_horizontal_fov(self.size[0], self.size[1], 90.0),
             half_space: true,
             over_splats: kind == Kind::Mpc,

@@ -1,5 +1,6 @@
 //! `corf dataset import`: a capture that others' programs made becomes a data set.
 
+use super::super::spectrum::Kind;
 use super::super::{Verdict, show};
 use crate::files::separation::{Reads, is_same, keep_apart};
 use crate::note;
@@ -9,7 +10,10 @@ use crate::terminal::messages;
 use crate::terminal::progress::Progress;
 use anyhow::Result;
 use clap::{Args, ValueEnum};
-use corf_scene::capture::{self, CaptureOptions, Format, Offset, RadioCamera, RadioValues, SplitRule, Up};
+use corf_scene::capture::{
+    self, ArrayOptions, Format, CaptureOptions, Offset, RadioCamera, RadioValues, SensorOptions, Spacing, SplitRule, Up,
+};
+use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
 use corf_scene::dataset::{Dataset, Quantity};
 use corf_scene::keyframe::DbRange;
 use corf_scene::words::counted;
@@ -54,6 +58,27 @@ pub struct Import {
     /// Physical quantity of the spectra (default: unknown); of an unknown one no metrics of beams are computed.
     #[arg(long = "rf-quantity", value_enum, value_name = "RF_QUANTITY")]
     radio_quantity: Option<SpectrumQuantity>,
+    /// Kind of the spectra: mpc (a lobe for each path), or beams of an array. Methods that know their array, such as corf-array, need it.
+    #[arg(long = "rf-kind", value_enum, value_name = "RF_KIND")]
+    radio_kind: Option<Kind>,
+    /// Elements of the array that beams are of, ROWSxCOLUMNS, e.g. 8x8: columns along the camera's x axis, rows along its y axis.
+    #[arg(long = "rf-array", value_name = "ROWSxCOLS")]
+    radio_array: Option<Elements>,
+    /// Distance of neighbouring elements, wavelengths: one number, or BETWEEN_COLUMNS,BETWEEN_ROWS.
+    #[arg(long = "rf-spacing", value_name = "S|Y,Z")]
+    radio_spacing: Option<Numbers>,
+    /// Pattern of an element (default: iso).
+    #[arg(long = "rf-pattern", value_enum, value_name = "RF_PATTERN")]
+    radio_pattern: Option<Pattern>,
+    /// What became of arrivals from behind the array (default: gated).
+    #[arg(long = "rf-rear", value_enum, value_name = "RF_REAR")]
+    radio_rear: Option<Rear>,
+    /// Standard deviation of an mpc lobe along each axis, degrees.
+    #[arg(long = "rf-lobe-width-deg", value_name = "DEG")]
+    radio_lobe_width_deg: Option<f64>,
+    /// Diagonal loading of mvdr spectra, in units of the covariance's mean eigenvalue.
+    #[arg(long = "rf-loading", value_name = "LOADING")]
+    radio_loading: Option<f64>,
     /// Carrier, Hz.
     #[arg(long)]
     frequency_hz: Option<f64>,
@@ -127,6 +152,43 @@ enum SpectrumQuantity {
     BeamPower,
     /// Capon's estimate of the power from the pixel's direction for 1 W transmitted.
     CaponPower,
+}
+
+/// Pattern of an element.
+#[derive(Clone, Copy, ValueEnum)]
+enum Pattern {
+    /// Isotropic.
+    Iso,
+    /// A short dipole along the camera's y axis.
+    Dipole,
+    /// 3GPP TR 38.901, Table 7.3-1.
+    Tr38901,
+}
+
+/// Treatment of the rear half-space.
+#[derive(Clone, Copy, ValueEnum)]
+enum Rear {
+    /// Something shields it.
+    Gated,
+    /// It appears mirrored in front.
+    Aliased,
+}
+
+/// Elements of an array.
+#[derive(Clone, Copy)]
+struct Elements {
+    rows: usize,
+    cols: usize,
+}
+
+impl FromStr for Elements {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let sides =
+            text.split_once(['x', 'X']).and_then(|(rows, cols)| Some((rows.trim().parse().ok()?, cols.trim().parse().ok()?)));
+        sides.map(|(rows, cols)| Self { rows, cols }).ok_or_else(|| "give ROWSxCOLUMNS, e.g. 8x8".to_owned())
+    }
 }
 
 /// Numbers with commas between.
@@ -234,13 +296,7 @@ impl Import {
                 Values::Linear => RadioValues::Linear,
                 Values::Db => RadioValues::Db,
             }),
-            quantity: self.radio_quantity.map(|quantity| match quantity {
-                SpectrumQuantity::Unknown => Quantity::Unknown,
-                SpectrumQuantity::PowerPerSteradian => Quantity::PowerPerSteradian,
-                SpectrumQuantity::BeamPower => Quantity::BeamPower,
-                SpectrumQuantity::CaponPower => Quantity::CaponPower,
-            }),
-            frequency_hz: self.frequency_hz,
+            sensor: self.sensor()?,
             dynamic_range_db: self.dynamic_range_db,
             depth: self.depth.clone(),
             masks: self.masks.clone(),
@@ -251,6 +307,44 @@ impl Import {
             split,
             ignore_masks: self.ignore_masks,
             ..CaptureOptions::new(format, &self.source)
+        })
+    }
+
+    /// What is said of the sensor of the spectra.
+    fn sensor(&self) -> Result<SensorOptions> {
+        let spacing_wavelengths = match self.radio_spacing.as_ref().map(|n| n.0.as_slice()) {
+            None => None,
+            Some(&[both]) => Some(Spacing::Both(both)),
+            Some(&[y, z]) => Some(Spacing::Each([y, z])),
+            Some(_) => anyhow::bail!(
+                "--rf-spacing takes one number or two\n  help: wavelengths between neighbours, or between columns and between rows"
+            ),
+        };
+        Ok(SensorOptions {
+            spectrum: self.radio_kind.map(SpectrumKind::from),
+            receiver: ArrayOptions {
+                rows: self.radio_array.map(|array| array.rows),
+                cols: self.radio_array.map(|array| array.cols),
+                spacing_wavelengths,
+                pattern: self.radio_pattern.map(|pattern| match pattern {
+                    Pattern::Iso => AntennaPattern::Iso,
+                    Pattern::Dipole => AntennaPattern::Dipole,
+                    Pattern::Tr38901 => AntennaPattern::Tr38901,
+                }),
+                rear: self.radio_rear.map(|rear| match rear {
+                    Rear::Gated => RearHalfSpace::Gated,
+                    Rear::Aliased => RearHalfSpace::Aliased,
+                }),
+            },
+            lobe_width_deg: self.radio_lobe_width_deg,
+            mvdr_loading: self.radio_loading,
+            quantity: self.radio_quantity.map(|quantity| match quantity {
+                SpectrumQuantity::Unknown => Quantity::Unknown,
+                SpectrumQuantity::PowerPerSteradian => Quantity::PowerPerSteradian,
+                SpectrumQuantity::BeamPower => Quantity::BeamPower,
+                SpectrumQuantity::CaponPower => Quantity::CaponPower,
+            }),
+            frequency_hz: self.frequency_hz,
         })
     }
 

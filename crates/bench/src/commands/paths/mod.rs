@@ -20,6 +20,7 @@ use corf_raytrace::radio::channel::{
 };
 use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
 use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseSettings, Extent, json};
+use corf_scene::mounting::Mount;
 use corf_scene::npz::{Array, Values, encode_npz};
 use corf_scene::{Error, bounds, io};
 use glam::DVec3;
@@ -134,6 +135,8 @@ enum Format {
 struct Traced<'s> {
     set: PathSet<'s>,
     diffuse: Vec<Vec<Arrival>>,
+    /// Surfaces that receivers are mounted on.
+    mounts: Vec<Option<Mount>>,
 }
 
 impl Paths {
@@ -308,7 +311,8 @@ impl Paths {
 
     fn trace<'s>(&self, setup: &'s LinkSetup, sampling: &DiffuseSettings, format: Format) -> Result<Traced<'s>> {
         let transmitters = &setup.transmitters;
-        let receivers = receivers(&setup.config, &self.rx, self.rx_file.as_deref(), self.rx_trajectory)?;
+        let mut receivers = receivers(&setup.config, &self.rx, self.rx_file.as_deref(), self.rx_trajectory)?;
+        let mounts = setup.mount(&mut receivers)?;
         for rx in &receivers {
             transmitters.iter().try_for_each(|tx| setup.check_link(tx.position, *rx))?;
         }
@@ -344,7 +348,7 @@ impl Paths {
             object_names: setup.scene.objects.iter().map(|o| o.name.as_str()).collect(),
             velocities: self.velocities(),
         };
-        Ok(Traced { set, diffuse: diffuse.into_iter().flatten().collect() })
+        Ok(Traced { set, diffuse: diffuse.into_iter().flatten().collect(), mounts })
     }
 
     /// One link as it is, several as a list.
@@ -353,6 +357,15 @@ impl Paths {
         let all = traced.set.links.iter().zip(&traced.diffuse).zip(arrays);
         let mut links: Vec<Value> =
             all.map(|((link, diffuse), tx)| self.link_json(setup, link, diffuse, tx, subcarriers)).collect::<Result<_>>()?;
+        // Receivers in their order, and for each the transmitters in theirs.
+        for (i, link) in links.iter_mut().enumerate() {
+            let (t, r) = (i % setup.transmitters.len(), i / setup.transmitters.len());
+            for (key, mount) in [("tx_on_surface", &setup.transmitters[t].mount), ("rx_on_surface", &traced.mounts[r])] {
+                if let Some(mount) = mount {
+                    link[key] = json!(mount);
+                }
+            }
+        }
         let value = match links.len() {
             1 => links.remove(0),
             _ => json!({ "schema": "corf-links/1", "scene": setup.scene.name, "links": links }),

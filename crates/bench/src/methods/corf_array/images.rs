@@ -6,7 +6,7 @@ use crate::terminal::progress::Stage;
 use anyhow::Result;
 use corf::array_field::Image;
 use corf_raytrace::bvh::Bvh;
-use corf_raytrace::radio::{InteractionKind, Path, RadioTracer};
+use corf_raytrace::radio::{Antenna, AntennaPattern, InteractionKind, Path, RadioTracer};
 use corf_raytrace::sensor::{SensorPlan, element_at};
 use corf_scene::Rigid3;
 
@@ -25,7 +25,8 @@ pub(super) fn seen(behind: &SceneBehind, poses: &[Rigid3], least_power: f64) -> 
     let transmitter = Stage::of("mirrors that the transmitter sees", mirrors)?;
     let from = |pose: &Rigid3| {
         interrupt::check()?;
-        let element = element_at(&plan.receiver, pose);
+        // The field knows the elements' pattern itself: an image's gain is what an isotropic one receives.
+        let element = Antenna { pattern: AntennaPattern::Iso, ..element_at(&plan.receiver, pose) };
         let image = |path: Path| {
             let power = path.received(&plan.tracing.tx_antenna, &element);
             let stays = path.interactions.iter().all(|i| i.kind != InteractionKind::Diffraction);

@@ -17,7 +17,7 @@ use anyhow::{Context, Result, ensure};
 use corf::array_field::{ArrayConfig, ArrayField, ArrayTrainer, Image, SensorSettings, Surface};
 use corf::config::Coupling;
 use corf::{Field, IdleKey, RasterConfig, Reconstructor};
-use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
+use corf_scene::config::{AntennaPattern, RearHalfSpace, ReceiverConfig, SpectrumKind};
 use online::Online;
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize, Serializer};
@@ -85,19 +85,21 @@ fn raster_of(config: &serde_json::Value) -> Result<RasterConfig> {
 /// # Errors
 /// Spectra or elements whose sensor this method does not know.
 fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
-    let unknown = "corf-array: the data set does not say which array its spectra are of, or of which kind they are\n  help: use corf-gs for it";
-    let (receiver, spectrum) = training.receiver().zip(training.spectrum()).context(unknown)?;
-    ensure!(
-        receiver.pattern == AntennaPattern::Iso,
-        "corf-array: the receiver's elements have the pattern {:?}, and the method knows isotropic ones\n  help: use corf-gs for this data set",
-        receiver.pattern
-    );
+    const UNKNOWN: &str = "corf-array: the data set does not say of which kind its spectra are, or which array they are of\n  help: say it when the capture is \
+                           imported (`corf dataset import`: --rf-kind, --rf-array, --rf-spacing), or use corf-gs for it";
+    let spectrum = training.spectrum().context(UNKNOWN)?;
+    // Lobes are of no array.
+    let receiver = match (training.receiver(), spectrum) {
+        (None, SpectrumKind::Mpc) => ReceiverConfig::default(),
+        (receiver, _) => receiver.context(UNKNOWN)?,
+    };
     let (elements, spacing_wavelengths) = ([receiver.cols, receiver.rows], receiver.spacing_wavelengths);
     let gated = receiver.rear == RearHalfSpace::Gated;
     let settings = match spectrum {
         SpectrumKind::Mpc => {
             let width_deg = training.lobe_width_deg().context(
-                "corf-array: the data set does not say how wide a lobe of its spectra is\n  help: keep `config` in its dataset.json",
+                "corf-array: the data set does not say how wide a lobe of its spectra is\n  help: import the capture with --rf-lobe-width-deg; of a generated one keep `config` in its \
+                 dataset.json",
             )?;
             SensorSettings::Lobes { width_deg }
         }
@@ -105,8 +107,8 @@ fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
         SpectrumKind::Bartlett | SpectrumKind::BartlettCoherent => SensorSettings::Beam { elements, spacing_wavelengths, gated },
         SpectrumKind::Mvdr => {
             let loading = training.mvdr_loading().context(
-                "corf-array: the data set does not say with which diagonal loading its mvdr spectra were formed\n  help: keep `config` in its \
-                 dataset.json, of which rf.mvdr_loading says it, or use corf-gs",
+                "corf-array: the data set does not say with which diagonal loading its mvdr spectra were formed\n  help: import the \
+                 capture with --rf-loading; of a generated one keep `config` in its dataset.json, of which rf.mvdr_loading says it; or use corf-gs",
             )?;
             SensorSettings::Capon { elements, spacing_wavelengths, gated, loading }
         }
@@ -122,6 +124,11 @@ fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
 pub fn on_device(trainer: ArrayTrainer, backend: &Backend) -> Result<ArrayTrainer> {
     match backend {
         Backend::Cpu => Ok(trainer),
+        #[cfg(feature = "gpu")]
+        Backend::Gpu { .. } if trainer.field.pattern != AntennaPattern::Iso => {
+            note!("corf-array: elements with a pattern are learnt and observed on the processor; light is on the GPU");
+            Ok(trainer)
+        }
         #[cfg(feature = "gpu")]
         Backend::Gpu { .. } if !corf::array_field::gpu::forms(&trainer.field.sensor) => {
             note!(
@@ -270,7 +277,9 @@ impl Method for CorfArray {
         let (light_camera, radio_camera, range) =
             (training.light_camera(), training.radio_camera(), training.required_db_range()?);
         let images = oracle_scene.as_ref().map(|path| self.images(&training.scene_behind(path)?, training)).transpose()?;
-        let radio = on_device(ArrayTrainer::new(*radio, self.sensor(training)?, radio_camera, range, seed), &self.backend)?;
+        let pattern = training.receiver().map_or(AntennaPattern::Iso, |receiver| receiver.pattern);
+        let radio = ArrayTrainer::new(*radio, self.sensor(training)?, radio_camera, range, seed).of_elements(pattern);
+        let radio = on_device(radio, &self.backend)?;
         let reconstruction = self.light(training)?.reconstruction;
         let device = light.device(&self.backend)?;
         let predict = |light: Field, radio: ArrayField| -> Box<dyn Predictor> {

@@ -34,7 +34,11 @@ pub fn observer(backend: &Backend, field: &Arc<ArrayField>) -> Result<Box<dyn Ob
     match backend {
         Backend::Cpu => Ok(Box::new(CpuObserver::new(Arc::clone(field)))),
         #[cfg(feature = "gpu")]
-        Backend::Gpu { .. } if !corf::array_field::gpu::forms(&field.sensor) => Ok(Box::new(CpuObserver::new(Arc::clone(field)))),
+        Backend::Gpu { .. }
+            if field.pattern != corf_scene::config::AntennaPattern::Iso || !corf::array_field::gpu::forms(&field.sensor) =>
+        {
+            Ok(Box::new(CpuObserver::new(Arc::clone(field))))
+        }
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
             use corf::array_field::gpu::GpuObserver;

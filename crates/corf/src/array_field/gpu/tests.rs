@@ -56,6 +56,7 @@ fn field(sensor: SensorSettings, sources: usize, points: usize, camera: Pinhole)
     }
     ArrayField {
         sensor,
+        pattern: corf_scene::config::AntennaPattern::Iso,
         camera,
         half_space: true,
         over_splats: false,

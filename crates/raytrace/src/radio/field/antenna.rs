@@ -11,20 +11,9 @@ use serde::{Deserialize, Serialize};
 
 /// Amplitude of an element's pattern towards the unit direction `local` of the antenna frame (boresight +x, zenith +z): 1 everywhere for
 /// `Iso`, √1.5·|sinθ| for a short `Dipole` along z, and for `Tr38901` the element of 3GPP TR 38.901 table 7.3-1 (65° half-power beam
-/// widths, 8 dBi, 30 dB floor).
+/// widths, 8 dBi, 30 dB floor); of a sampled pattern what its file says.
 pub fn amplitude(pattern: AntennaPattern, local: DVec3) -> f64 {
-    match pattern {
-        AntennaPattern::Iso => 1.0,
-        AntennaPattern::Dipole => 1.5f64.sqrt() * local.x.hypot(local.y),
-        AntennaPattern::Tr38901 => {
-            let zenith_deg = local.z.clamp(-1.0, 1.0).acos().to_degrees();
-            let azimuth_deg = local.y.atan2(local.x).to_degrees();
-            let vertical = (12.0 * ((zenith_deg - 90.0) / 65.0).powi(2)).min(30.0);
-            let horizontal = (12.0 * (azimuth_deg / 65.0).powi(2)).min(30.0);
-            let gain_dbi = 8.0 - (vertical + horizontal).min(30.0);
-            10f64.powf(gain_dbi / 20.0)
-        }
-    }
+    pattern.amplitude(local)
 }
 
 /// An antenna in the world.

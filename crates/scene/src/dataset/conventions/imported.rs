@@ -1,7 +1,8 @@
 //! Conventions of a capture that was imported: what its maker said of it, what was done to it, and what is not known.
 
 use super::{Topic, cameras, frames};
-use crate::dataset::header::{DatasetHeader, Imported, Quantity};
+use crate::config::{RearHalfSpace, SpectrumKind};
+use crate::dataset::header::{DatasetHeader, Imported, Quantity, StatedSensor};
 use crate::keyframe::DbRange;
 
 /// Topics of an imported data set.
@@ -81,13 +82,39 @@ fn spectrum(header: &DatasetHeader) -> Vec<(&'static str, String)> {
         Quantity::Unknown => "linear power in a unit that is not known",
     };
     let carrier = header.frequency_hz.map_or("unknown".into(), |f| format!("{f} Hz"));
-    vec![
+    let mut list = vec![
         ("value", value.into()),
         ("unit", format!("{} (linear; dB and Jet are views of it)", header.quantity.unit())),
         ("file", "rf/spectra: EXR, float32, one channel Y, lossless; the unit is the file's attribute `unit` as well".into()),
         ("empty_bin", "0".into()),
         ("carrier", carrier),
-    ]
+    ];
+    if let Some(stated) = header.imported.as_ref().and_then(|imported| imported.sensor.as_ref()) {
+        list.push(("sensor", sensor(header, stated)));
+    }
+    list
+}
+
+/// The sensor of the spectra, as it was stated.
+fn sensor(header: &DatasetHeader, stated: &StatedSensor) -> String {
+    let mut words = vec![header.spectrum.map_or("of an unknown kind", SpectrumKind::name).to_owned()];
+    if let Some(rx) = header.receiver {
+        let rear = match rx.rear {
+            RearHalfSpace::Gated => "left out",
+            RearHalfSpace::Aliased => "mirrored to the front",
+        };
+        let [between_columns, between_rows] = rx.spacing_wavelengths;
+        words.push(format!(
+            "{} rows x {} columns in the plane across the camera's axis, {between_columns} x {between_rows} wavelengths between columns x rows; {:?} elements; \
+             arrivals from behind {rear}",
+            rx.rows, rx.cols, rx.pattern
+        ));
+    }
+    words.extend(stated.lobe_width_deg.map(|width| format!("lobes of {width} degrees of standard deviation per axis")));
+    words.extend(
+        stated.mvdr_loading.map(|loading| format!("a diagonal loading of {loading} of the covariance's mean eigenvalue")),
+    );
+    format!("{}, as its maker states ({})", words.join("; "), stated.stated_by.join(", "))
 }
 
 fn radio_image(range: Option<&DbRange>) -> Vec<(&'static str, String)> {

@@ -9,6 +9,7 @@ mod config;
 
 use crate::config::SceneConfig;
 use crate::finding::Finding;
+use crate::mounting::Surfaces;
 use crate::parts::{self, ConnectedPart};
 use crate::solids::Solids;
 use crate::words::counted;
@@ -123,19 +124,35 @@ fn hole_findings(scene: &Scene, parts: &[ConnectedPart]) -> Vec<Finding> {
 
 /// Transmitters and trajectory poses inside of bodies, on top of one another (errors), or outside of the scene's bounds (warnings).
 pub fn placement_findings(config: &SceneConfig, scene: &Scene) -> Vec<Finding> {
-    let solids = Solids::of(scene);
-    let poses: Vec<DVec3> = config
-        .trajectory
-        .as_ref()
-        .and_then(|t| trajectory::generate(t, POSES).ok())
-        .map_or(Vec::new(), |poses| poses.iter().map(|p| p.world_from_camera.translation).collect());
+    let (solids, surfaces) = (Solids::of(scene), Surfaces::of(scene));
+    let mut findings = Vec::new();
+    // Antennas on surfaces stand off them, on their side.
+    let mut mounted = |place: String, position: DVec3, facing: Option<DVec3>| match surfaces.mount(&place, position, facing) {
+        Ok(mount) => mount.map_or(position, |mount| mount.position()),
+        Err(error) => {
+            findings.push(Finding::from(error));
+            position
+        }
+    };
+    let poses = config.trajectory.as_ref().and_then(|t| trajectory::generate(t, POSES).ok()).unwrap_or_default();
+    let place = format!("{}: trajectory", config.source.display());
+    let poses: Vec<DVec3> = poses
+        .iter()
+        .map(|p| &p.world_from_camera)
+        .map(|pose| mounted(place.clone(), pose.translation, Some(pose.transform_vector(DVec3::Z))))
+        .collect();
     let named = config.transmitters.iter().map(|(name, t)| (format!("transmitters.{name}"), t));
     let file = config.source.display();
     let object = |index: u32| scene.objects[index as usize].name.as_str();
     let help = "move it out; if the object is a room, let its faces look into the room (turn their winding)";
-    let mut findings = Vec::new();
-    for (key, transmitter) in std::iter::once(("transmitter".to_owned(), &config.transmitter)).chain(named) {
-        let tx = transmitter.position();
+    let all: Vec<(String, DVec3)> = std::iter::once(("transmitter".to_owned(), &config.transmitter))
+        .chain(named)
+        .map(|(key, t)| {
+            let tx = mounted(format!("{file}: {key}.position_m"), t.position(), t.facing());
+            (key, tx)
+        })
+        .collect();
+    for (key, tx) in all {
         if let Some(at) = solids.parting(tx, tx) {
             let what = format!("{tx} lies inside the closed object \"{}\"", object(at.object));
             findings.push(Finding::error(format!("{file}: {key}.position_m"), what, help));

@@ -1,5 +1,7 @@
 //! `corf check`: compare with references.
 
+mod paths;
+
 use super::{Verdict, show};
 use anyhow::Result;
 use clap::Subcommand;
@@ -15,6 +17,8 @@ pub enum Check {
         #[arg(required = true)]
         references: Vec<PathBuf>,
     },
+    /// Look for chains of points of another program, such as one of the image method, among the paths of a scene; exit 1 where one is missing or displaced.
+    Paths(paths::Paths),
 }
 
 impl Check {
@@ -23,7 +27,10 @@ impl Check {
     /// # Errors
     /// A reference that cannot be read.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        let Self::Sionna { references } = self;
+        let references = match self {
+            Self::Sionna { references } => references,
+            Self::Paths(paths) => return paths.run(json),
+        };
         let reports = references.iter().map(|path| Ok(sionna::check(path)?)).collect::<Result<Vec<_>>>()?;
         let text: Vec<String> = reports.iter().map(ToString::to_string).collect();
         show(json, &reports, &text.join("\n"))?;
