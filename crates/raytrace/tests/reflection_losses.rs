@@ -1,5 +1,7 @@
 //! Reflection losses that were measured at 60 GHz beside what the materials' models give: the table of docs/validation.md.
 
+#![allow(clippy::unwrap_used)]
+
 use corf_raytrace::radio::fresnel::slab_response;
 use corf_raytrace::radio::materials::Slab;
 use corf_scene::model::{Permittivity, RadioMaterial};

@@ -134,8 +134,9 @@ mod tests {
     fn parallel_rays_do_not_send_a_source_away() {
         let place = DVec3::new(50.0, 0.0, 1.5);
         let (poses, _) = sightings(place, 6);
-        let ray =
-            |pose: &Rigid3| Sighting::new(pose, &[SpectrumRay { direction: [1.0, 0.0, 0.0], power: 2.0 / 2500.0 }], AntennaPattern::Iso);
+        let ray = |pose: &Rigid3| {
+            Sighting::new(pose, &[SpectrumRay { direction: [1.0, 0.0, 0.0], power: 2.0 / 2500.0 }], AntennaPattern::Iso)
+        };
         let sightings: Vec<Sighting> = poses.iter().map(ray).collect();
         let mut cloud = source(place, 2.0);
         for _ in 0..300 {

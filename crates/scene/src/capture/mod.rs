@@ -30,7 +30,7 @@ mod split;
 
 pub use colmap::read_points;
 pub use import::{CaptureReport, examine, import};
-pub use options::{Format, CaptureOptions, Offset, RadioCamera, SplitRule, Up};
+pub use options::{CaptureOptions, Format, Offset, RadioCamera, SplitRule, Up};
 pub use sensor::{ArrayOptions, SensorOptions, Spacing};
 pub use spectra::RadioValues;
 

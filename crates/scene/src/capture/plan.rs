@@ -3,7 +3,7 @@
 use super::frame::WorldFromCapture;
 use super::lens::{self, Lens};
 use super::names::Folder;
-use super::options::{Format, CaptureOptions, Offset, RadioCamera};
+use super::options::{CaptureOptions, Format, Offset, RadioCamera};
 use super::sensor::{Sensor, SensorOptions};
 use super::spectra::{self, Encoding};
 use super::{Capture, Shot, colmap, left_out, names, nerfstudio, plain, rf_3dgs, split};

@@ -35,8 +35,8 @@ pub use conventions::{Conventions, EQUIRECTANGULAR_AXES};
 pub use export::ColoredPoint;
 pub(crate) use export::{Besides, transforms_json};
 pub use header::{
-    DATASET_SCHEMA, DatasetHeader, Imported, MaterialRecord, OnSurface, Quantity, SamplingError, StatedSensor, StatedSplit,
-    MeanAndRange,
+    DATASET_SCHEMA, DatasetHeader, Imported, MaterialRecord, MeanAndRange, OnSurface, Quantity, SamplingError, StatedSensor,
+    StatedSplit,
 };
 pub use identity::check_finished;
 pub use layout::stem;

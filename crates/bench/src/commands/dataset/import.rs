@@ -11,7 +11,7 @@ use crate::terminal::progress::Progress;
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use corf_scene::capture::{
-    self, ArrayOptions, Format, CaptureOptions, Offset, RadioCamera, RadioValues, SensorOptions, Spacing, SplitRule, Up,
+    self, ArrayOptions, CaptureOptions, Format, Offset, RadioCamera, RadioValues, SensorOptions, Spacing, SplitRule, Up,
 };
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
 use corf_scene::dataset::{Dataset, Quantity};
