@@ -3,7 +3,7 @@
 use super::*;
 use crate::metrics::{COLUMNS, FrameMetrics, LightMetrics, RADIO};
 use crate::record::provenance::Provenance;
-use crate::record::{NOT_STATED, PROTOCOL, SCHEMA};
+use crate::record::{NOT_STATED, Outcome, PROTOCOL, SCHEMA};
 use std::collections::BTreeMap;
 
 fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
