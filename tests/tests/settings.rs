@@ -148,7 +148,7 @@ enum Outcome {
 /// Everything that a field shows and, of Gaussians, all that they are: what is only written down of the settings does not count.
 fn field(context: &Context, overrides: &toml::Table, data_set: &Dataset) -> Result<Vec<u8>, String> {
     let reported = |e: anyhow::Error| format!("{e:#}");
-    let split = Split::of(data_set, Protocol::Test).map_err(reported)?;
+    let split = Split::of(data_set, Protocol::TEST).map_err(reported)?;
     let training = TrainingSet::new(data_set, &split);
     let method = registry::create(context.method, overrides, &Backend::Cpu).map_err(reported)?;
     registry::check_data_set(method.as_ref(), overrides, &training).map_err(reported)?;

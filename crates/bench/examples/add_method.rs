@@ -58,7 +58,7 @@ impl Method for FirstKeyframe {
 fn main() -> Result<()> {
     let folder = std::env::args().nth(1).context("give a data set's folder")?;
     let input = Verify::default().open(Path::new(&folder))?;
-    let split = Split::of(&input.dataset, Protocol::Validation)?;
+    let split = Split::of(&input.dataset, Protocol::VALIDATION)?;
     let record =
         harness::run_cell("first keyframe", &FirstKeyframe, &input, &split, 1, None, &mut |_| Ok(()), |_, _| Ok(()), |_| Ok(()))?;
     println!("{}", table::plain(&table::rows(&[record]), &table::short_columns(), None));

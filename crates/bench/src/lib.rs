@@ -5,7 +5,7 @@
 //! use corf_bench::{device::Backend, methods, metrics::input::Verify, run::harness, table};
 //!
 //! let input = Verify::default().open("data/mini".as_ref())?; // of `corf dataset generate` or `corf dataset import`
-//! let split = Split::of(&input.dataset, Protocol::Test)?;
+//! let split = Split::of(&input.dataset, Protocol::TEST)?;
 //! let mut records = vec![];
 //! for id in ["corf-gs", "nearest"] {
 //!     let method = methods::create(id, &toml::Table::new(), &Backend::Cpu)?;

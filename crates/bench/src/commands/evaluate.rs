@@ -39,7 +39,7 @@ pub struct Evaluate {
     #[arg(long)]
     dataset: Option<PathBuf>,
     /// Protocol of the predictions: the keyframes they were not trained with (default: what their predictions.json states, otherwise test).
-    #[arg(long, value_enum, conflicts_with = "run")]
+    #[arg(long, value_name = "PROTOCOL", conflicts_with = "run")]
     protocol: Option<Protocol>,
     /// Also write the run's predictions of the held-out keyframes into this folder, as --predictions reads them.
     #[arg(long, value_name = "DIR", conflicts_with = "predictions")]

@@ -20,6 +20,7 @@ use crate::files::output::is_leftover;
 use crate::metrics::input::{Input, Verify};
 use crate::note;
 use crate::record::comparability::{self, Joined};
+use crate::record::folds;
 use crate::record::{ARCHIVE, Record, read_archive};
 use crate::report::along::Figures;
 use crate::report::{self, Report};
@@ -68,7 +69,7 @@ impl Written {
 /// The parts of a plan in a folder: its own protocol, and the contiguous segment if the plan asks for it.
 pub fn parts(plan: &Plan, out: &Path) -> Vec<Part> {
     let own = Part { plan: plan.clone(), out: out.to_owned() };
-    let segment = Plan { protocol: Protocol::Segment, segment: false, ..plan.clone() };
+    let segment = Plan { protocol: Protocol::SEGMENT, segment: false, ..plan.clone() };
     let segment = plan.segment.then(|| Part { plan: segment, out: out.join(SEGMENT) });
     std::iter::once(own).chain(segment).collect()
 }
@@ -94,7 +95,7 @@ fn run_part(part: &Part, input: &Input, backend: &Backend) -> Result<Written> {
         let path = part.record_path(cell);
         let record = match part.finished(cell, input)? {
             Some(record) => {
-                note!("{}, seed {}: already there", cell.row.label, cell.seed);
+                note!("{}, {}: already there", cell.row.label, cell.which());
                 record
             }
             None => {
@@ -138,15 +139,15 @@ pub fn load(out: &Path) -> Result<(Plan, Vec<Record>)> {
     let read = |(cell, path): (Cell<'_>, &PathBuf)| {
         ensure!(
             path.exists(),
-            "{} is missing: the plan has the cell {:?}, seed {}\n  help: `corf bench run PLAN.toml --out {} --resume` runs what is missing; or \
+            "{} is missing: the plan has the cell {:?}, {}\n  help: `corf bench run PLAN.toml --out {} --resume` runs what is missing; or \
              take the cell out of {}",
             path.display(),
             cell.row.label,
-            cell.seed,
+            cell.which(),
             out.display(),
             out.join(PLAN).display()
         );
-        cells::read_record(path, cell, plan.protocol)
+        cells::read_record(path, cell)
     };
     let records: Vec<Record> = plan.cells().zip(&paths).map(read).collect::<Result<_>>()?;
     for stray in strays(out, &paths)? {
@@ -218,19 +219,21 @@ pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: 
     let head = format!("# {}\n\n{}\n\n", escape::markdown(&plan.name), escape::without_html(&plan.analysis));
     let columns = table::columns(&plan.columns)?;
     write_tables(&head, &records, &columns, out)?;
-    let figures = Figures::of(&records, dataset)?;
+    let whole = folds::together(&records);
+    let figures = Figures::of(&whole, dataset)?;
     figures.iter().try_for_each(|figures| figures.write(out))?;
     let report = Report {
         plan,
         dataset,
-        split: &Split::of(dataset, plan.protocol)?,
+        split: &Split::of_all_folds(dataset, plan.protocol)?,
         transmitter_m: dataset.header().transmitter.map(|t| t.position_m),
-        records: &records,
+        records: &whole,
         predictions: &out.join("predictions"),
         figures,
         models: &KeptModel::all(out),
     };
     report::write(&report, &report_path)?;
+    drop(whole);
     Ok(Written { records, segment: Vec::new(), report: report_path, table: table_path, columns })
 }
 

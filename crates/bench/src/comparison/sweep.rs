@@ -123,7 +123,7 @@ impl Sweep {
             name: format!("{}: {}", self.name, folder_of(dataset)),
             analysis: String::new(),
             dataset: dataset.to_owned(),
-            protocol: Protocol::Validation,
+            protocol: Protocol::VALIDATION,
             segment: false,
             columns: Vec::new(),
             evaluate_every: None,

@@ -47,11 +47,11 @@ pub fn record_path(out: &Path, cell: Cell<'_>) -> PathBuf {
 ///
 /// # Errors
 /// A damaged record, or one of another cell than its file is named after.
-pub fn read_record(path: &Path, cell: Cell<'_>, protocol: Protocol) -> Result<Record> {
+pub fn read_record(path: &Path, cell: Cell<'_>) -> Result<Record> {
     let record = Record::read(path)?;
     let method = if cell.row.kind == RowKind::Predictions { PREDICTIONS } else { &cell.row.method };
     let is = (record.row.as_str(), record.seed, record.split, record.method.as_str());
-    if is != (cell.row.label.as_str(), cell.seed, protocol, method) {
+    if is != (cell.row.label.as_str(), cell.seed, cell.split, method) {
         bail!(
             "{} holds the record of {:?}, seed {}, {} ({}), where that of {:?}, seed {}, {} ({method}) belongs\n  help: put every record \
              under its own name, or remove that file and run the cell again",
@@ -62,16 +62,16 @@ pub fn read_record(path: &Path, cell: Cell<'_>, protocol: Protocol) -> Result<Re
             record.method,
             cell.row.label,
             cell.seed,
-            protocol.name()
+            cell.split.name()
         );
     }
     Ok(record)
 }
 
 /// Path of the record that belongs to a model's run folder, which is a row's, in the folder of the comparison that keeps it.
-pub fn record_of_model(model: &Path, seed: u64) -> Option<PathBuf> {
+pub fn record_of_model(model: &Path, seed: u64, split: Protocol) -> Option<PathBuf> {
     let (comparison, row) = (model.parent()?.parent()?, model.file_name()?.to_str()?);
-    Some(comparison.join(CELLS).join(format!("{}.json", stem(row, seed))))
+    Some(comparison.join(CELLS).join(format!("{}.json", stem(row, seed, split))))
 }
 
 /// Run folder of a row's first seed in a comparison's folder.
@@ -115,12 +115,12 @@ impl Part {
         if !path.exists() {
             return Ok(None);
         }
-        let record = read_record(&path, cell, self.plan.protocol)?;
+        let record = read_record(&path, cell)?;
         // One that failed is tried again, with whatever settings the plan has by now.
         if matches!(record.outcome, Outcome::Failed { .. }) {
             return Ok(None);
         }
-        let (method, config) = settings_of(cell, &Split::of(dataset, self.plan.protocol)?, dataset)?;
+        let (method, config) = settings_of(cell, &Split::of(dataset, cell.split)?, dataset)?;
         let same = record.dataset_hash == dataset.hash()
             && record.method == method
             && methods::without_retired(&record.config) == config
@@ -149,8 +149,8 @@ impl Part {
     /// An interrupt, or files that cannot be read or written.
     pub fn run_cell(&self, cell: Cell<'_>, input: &Input, backend: &Backend, work: Option<&Path>) -> Result<Record> {
         let (plan, dataset) = (&self.plan, &input.dataset);
-        let split = Split::of(dataset, plan.protocol)?;
-        let label = format!("{}, seed {}", cell.row.label, cell.seed);
+        let split = Split::of(dataset, cell.split)?;
+        let label = format!("{}, {}", cell.row.label, cell.which());
         let keep = cell.seed == plan.seeds[0];
         let folder = row_folder(&self.out.join("predictions"), &cell.row.label);
         let look = |truth: &Keyframe, prediction: Halves<'_>| {
@@ -161,13 +161,13 @@ impl Part {
             Source::Folder(folder) => {
                 let (frames, warnings) = evaluation::evaluate_folder(&folder, input, &split, look)?;
                 warnings.iter().for_each(|warning| note!("{label}: {warning}"));
-                return Ok(harness::folder_record(&cell.row.label, &folder, input, plan.protocol, cell.seed, frames));
+                return Ok(harness::folder_record(&cell.row.label, &folder, input, cell.split, cell.seed, frames));
             }
         };
         let device = method.device();
         let mut clock = work.map(|work| CellClock::open(work, &device)).transpose()?;
         if let Some(clock) = &clock {
-            let tag = format!("{} {} {} {}", dataset.hash(), plan.protocol.name(), method.config(), cell.seed);
+            let tag = format!("{} {} {} {}", dataset.hash(), cell.split.name(), method.config(), cell.seed);
             let path = clock.checkpoint().to_owned();
             method.keep_checkpoints(Checkpoints { path, every: None, resume: true, tag, device });
         }
@@ -179,7 +179,8 @@ impl Part {
         };
         let look = |truth: &Keyframe, prediction: &Prediction| look(truth, prediction.halves());
         let keep_model = |result: &Reconstruction| {
-            if !(keep && cell.row.keep_model) {
+            // Of folds the first, as of seeds.
+            if !(keep && cell.row.keep_model && cell.split.fold().unwrap_or(1) == 1) {
                 return Ok(());
             }
             let folder = model_folder(&self.out, &cell.row.label);
@@ -227,7 +228,7 @@ impl Part {
     /// # Errors
     /// A row that cannot run.
     pub fn failed(&self, cell: Cell<'_>, input: &Input, error: String) -> Result<Record> {
-        let (row, protocol, outcome) = (&cell.row.label, self.plan.protocol, Outcome::Failed { error });
+        let (row, protocol, outcome) = (&cell.row.label, cell.split, Outcome::Failed { error });
         let split = Split::of(&input.dataset, protocol)?;
         Ok(match Source::of(cell, &split, &input.dataset, &Backend::Cpu)? {
             Source::Method(method) => harness::record(row, method.as_ref(), input, protocol, cell.seed, outcome),
@@ -286,8 +287,8 @@ fn folder_of(cell: Cell<'_>, split: &Split, dataset: &Dataset) -> Result<Option<
 /// # Errors
 /// The first row that cannot run, or whose file is missing or cannot be used.
 pub fn check_rows(plan: &Plan, dataset: &Dataset) -> Result<()> {
-    let protocols = [Some(plan.protocol), plan.segment.then_some(Protocol::Segment)];
-    for protocol in protocols.into_iter().flatten() {
+    let protocols = plan.protocol.folds().into_iter().chain(plan.segment.then_some(Protocol::SEGMENT));
+    for protocol in protocols {
         let split = Split::of(dataset, protocol)?;
         for row in plan.rows.iter().filter(|row| row.kind == RowKind::Method) {
             let check = || {
@@ -297,7 +298,7 @@ pub fn check_rows(plan: &Plan, dataset: &Dataset) -> Result<()> {
             };
             check().with_context(|| format!("row \"{}\"", row.label))?;
         }
-        for cell in plan.cells() {
+        for cell in plan.cells().filter(|cell| cell.split == protocol || protocol == Protocol::SEGMENT) {
             let Some(folder) = folder_of(cell, &split, dataset)? else { continue };
             for &index in &split.held_out {
                 interrupt::check()?;

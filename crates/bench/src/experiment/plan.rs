@@ -19,7 +19,8 @@ pub struct Plan {
     pub analysis: String,
     /// Dataset folder, relative to the plan file.
     pub dataset: PathBuf,
-    /// Evaluation protocol, which gives the training and the held-out split: `validation`, `test` or `segment`.
+    /// Evaluation protocol, which gives the training and the held-out split: `validation`, `test`, `segment`, or blocks, of which every fold is
+    /// run: `trajectory:parts=5,gap_keyframes=4`, `along-y:parts=5,gap_m=0.1`, `k-means:parts=10,gap_m=0.05,seed=0`.
     #[serde(default)]
     pub protocol: Protocol,
     /// Whether every cell is run once more with the contiguous segment held out, into the folder `segment`. Default: no.
@@ -53,7 +54,7 @@ pub struct PlanRow {
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub method: String,
     /// Folder of predictions, of a row of the kind `predictions`: relative to the plan file. `{seed}` in it stands for the seed (without it the
-    /// row has one cell, that of the first seed), `{protocol}` for the protocol.
+    /// row has one cell, that of the first seed), `{protocol}` for the protocol, `{fold}` for the fold of blocks, from 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dir: Option<String>,
     /// Number of seeds that the row is run with, the first of the plan's: for a row that is too slow for all of them. Default: all.
@@ -87,8 +88,10 @@ impl RowKind {
 
 /// What stands for the seed in [`PlanRow::dir`], …
 const SEED: &str = "{seed}";
-/// … and what for the protocol.
+/// … what for the protocol, …
 const PROTOCOL: &str = "{protocol}";
+/// … and what for the fold.
+const FOLD: &str = "{fold}";
 
 /// Word in the label of every row that knows the true scene.
 const ORACLE: &str = "oracle";
@@ -113,7 +116,8 @@ impl PlanRow {
     /// The folder of predictions of a seed under a protocol; `None` for a method's row.
     pub fn folder(&self, seed: u64, protocol: Protocol) -> Option<PathBuf> {
         let dir = self.dir.as_ref()?;
-        Some(dir.replace(SEED, &seed.to_string()).replace(PROTOCOL, protocol.name()).into())
+        let fold = protocol.fold().map_or(String::new(), |fold| fold.to_string());
+        Some(dir.replace(SEED, &seed.to_string()).replace(PROTOCOL, &protocol.of_all_folds().file_name()).replace(FOLD, &fold).into())
     }
 
     /// Whether it has one cell, however many seeds the plan has.
@@ -128,7 +132,7 @@ impl PlanRow {
     }
 
     /// Checks what the row's kind asks for.
-    fn check(&self, segment: bool, seeds: usize) -> Result<()> {
+    fn check(&self, protocol: Protocol, segment: bool, seeds: usize) -> Result<()> {
         if let Some(wanted) = self.seeds.filter(|wanted| !(1..=seeds).contains(wanted)) {
             bail!(
                 "seeds = {wanted}, and the plan has {seeds}\n  help: a row is run with the first of the plan's seeds, one at least"
@@ -158,6 +162,13 @@ impl PlanRow {
                 "segment = true needs predictions of the segment as well, by a model that has not seen it\n  help: put {PROTOCOL} into dir; it \
                  stands for test and for segment"
             ),
+            (RowKind::Predictions, Some(dir)) if protocol.folds().len() > 1 && !dir.contains(FOLD) => bail!(
+                "every fold needs predictions by a model that has not seen its block\n  help: put {FOLD} into dir; it stands for the fold's number, \
+                 from 1"
+            ),
+            (RowKind::Predictions, Some(dir)) if protocol.fold().is_none() && protocol.folds().len() == 1 && dir.contains(FOLD) => {
+                bail!("the protocol {protocol} has no folds\n  help: leave {FOLD} out of dir")
+            }
             (RowKind::Predictions, Some(_)) => {}
         }
         Ok(())
@@ -171,6 +182,8 @@ pub struct Cell<'a> {
     pub row: &'a PlanRow,
     /// Its seed.
     pub seed: u64,
+    /// Its protocol: the plan's, with a fold where the plan has folds.
+    pub split: Protocol,
 }
 
 impl Plan {
@@ -206,10 +219,10 @@ impl Plan {
         if plan.seeds.is_empty() || plan.rows.is_empty() {
             bail!("a plan needs at least one seed and one [[row]]");
         }
-        if plan.protocol == Protocol::All {
-            bail!("protocol = \"all\" leaves no keyframe to evaluate\n  help: choose \"test\", \"validation\" or \"segment\"");
+        if plan.protocol == Protocol::ALL {
+            bail!("protocol = \"all\" leaves no keyframe to evaluate\n  help: choose \"test\", \"validation\", \"segment\" or blocks");
         }
-        if plan.segment && plan.protocol != Protocol::Test {
+        if plan.segment && plan.protocol != Protocol::TEST {
             bail!("segment = true belongs to protocol = \"test\": the segment's keyframes are test keyframes too");
         }
         if let Some(seed) = plan.seeds.iter().enumerate().find_map(|(i, s)| plan.seeds[..i].contains(s).then_some(s)) {
@@ -222,22 +235,27 @@ impl Plan {
             if plan.rows[..i].iter().any(|r| slug(&r.label) == slug(&row.label)) {
                 bail!("two rows have the label \"{}\"\n  help: labels name files and must differ", row.label);
             }
-            row.check(plan.segment, plan.seeds.len()).with_context(|| format!("row \"{}\"", row.label))?;
+            row.check(plan.protocol, plan.segment, plan.seeds.len()).with_context(|| format!("row \"{}\"", row.label))?;
         }
         crate::table::columns(&plan.columns).context("columns")?;
         Ok(plan)
     }
 
-    /// All cells, row by row; predictions of one run have one cell, for a value told several times is one value.
+    /// All cells, row by row, seed by seed, fold by fold; predictions of one run have one cell, for a value told several times is one value.
     pub fn cells(&self) -> impl Iterator<Item = Cell<'_>> {
-        self.rows.iter().flat_map(|row| row.seeds(&self.seeds).iter().map(move |&seed| Cell { row, seed }))
+        let folds = self.protocol.folds();
+        let of_seed = move |row, seed| folds.clone().into_iter().map(move |split| Cell { row, seed, split });
+        self.rows.iter().flat_map(move |row| {
+            let of_seed = of_seed.clone();
+            row.seeds(&self.seeds).iter().flat_map(move |&seed| of_seed(row, seed))
+        })
     }
 
     /// All cells with their places in [`Self::cells`], in the order in which they are run: every row with the first seed, then every row with
     /// the second, so that a machine that slows down slows all rows down.
     pub fn interleaved(&self) -> Vec<(usize, Cell<'_>)> {
         let mut order: Vec<(usize, Cell<'_>)> = self.cells().enumerate().collect();
-        order.sort_by_key(|(_, cell)| self.seeds.iter().position(|seed| *seed == cell.seed));
+        order.sort_by_key(|(_, cell)| (self.seeds.iter().position(|seed| *seed == cell.seed), cell.split.fold()));
         order
     }
 }
@@ -250,15 +268,22 @@ fn text_of(path: &Path) -> Result<String> {
 }
 
 impl Cell<'_> {
+    /// What it is of beside its row, for messages: `seed 1`, `seed 1, fold 2`.
+    pub fn which(&self) -> String {
+        let fold = self.split.fold().map_or(String::new(), |fold| format!(", fold {fold}"));
+        format!("seed {}{fold}", self.seed)
+    }
+
     /// The cell's file stem.
     pub fn stem(&self) -> String {
-        stem(&slug(&self.row.label), self.seed)
+        stem(&slug(&self.row.label), self.seed, self.split)
     }
 }
 
 /// File stem of a row's cell; `row` is the slug of its label.
-pub fn stem(row: &str, seed: u64) -> String {
-    format!("{row}-seed{seed}")
+pub fn stem(row: &str, seed: u64, split: Protocol) -> String {
+    let fold = split.fold().map_or(String::new(), |fold| format!("-fold{fold}"));
+    format!("{row}-seed{seed}{fold}")
 }
 
 /// A label as a file name: lower case letters, digits and hyphens.
@@ -293,7 +318,7 @@ mod tests {
         let head = "name='x'\ndataset='d'\nseeds=[3, 5]\n";
         let row = |more: &str| format!("[[row]]\nlabel='theirs'\nkind='predictions'\n{more}\n");
         let plan = Plan::parse(&format!("{head}{}", row("dir='them/{seed}/{protocol}'"))).unwrap();
-        let folders: Vec<_> = plan.cells().map(|c| c.row.folder(c.seed, Protocol::Segment).unwrap()).collect();
+        let folders: Vec<_> = plan.cells().map(|c| c.row.folder(c.seed, Protocol::SEGMENT).unwrap()).collect();
         assert_eq!(folders, [PathBuf::from("them/3/segment"), PathBuf::from("them/5/segment")]);
         let plan = Plan::parse(&format!("{head}{}", row("dir='them'"))).unwrap();
         assert_eq!(plan.cells().map(|c| c.seed).collect::<Vec<_>>(), [3], "one run is one value");

@@ -73,6 +73,8 @@ pub struct Abilities {
     pub emitters: bool,
     /// The processor does the work, whatever the device.
     pub on_processor: bool,
+    /// Training keyframes are looked up, and nothing is learnt from them.
+    pub looks_up: bool,
 }
 
 /// Settings over a configuration's defaults, table by table: part of an inner table leaves the rest of it as it is in those defaults.

@@ -160,7 +160,7 @@ impl<'d> Publication<'d> {
         let splits = splits.into_iter().filter(|(_, keyframes)| !keyframes.is_empty());
         let splits = splits.map(|(name, keyframes)| NamedSplit { name, keyframes }).collect();
         // A data set too short for the protocol has no such keyframes.
-        let validation = Split::of(dataset, Protocol::Validation).map(|split| split.held_out).unwrap_or_default();
+        let validation = Split::of(dataset, Protocol::VALIDATION).map(|split| split.held_out).unwrap_or_default();
         Ok(Self { dataset, statement, splits, validation })
     }
 

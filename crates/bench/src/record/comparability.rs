@@ -1,4 +1,4 @@
-//! Which records may stand in one table: those of one data set, one split and one protocol, each of its own row and seed, and in
+//! Which records may stand in one table: those of one data set, one split (or its folds) and one protocol, each of its own row and seed, and in
 //! a row those of one method with one configuration. What the harness wrote keeps to this by itself; a folder that was put
 //! together by hand may not.
 
@@ -73,13 +73,15 @@ const SEPARATE: &str = "records of different ones cannot be compared: keep them 
 /// # Errors
 /// Two records that may not, both by their places, with what differs.
 pub fn check(records: &[Record], place: &dyn Fn(usize) -> String, joined: &Joined) -> Result<()> {
-    let mut cells: BTreeMap<(&str, u64), usize> = BTreeMap::new();
+    let mut cells: BTreeMap<(&str, u64, Option<usize>), usize> = BTreeMap::new();
     let mut rows: BTreeMap<&str, usize> = BTreeMap::new();
     let Some(first) = records.first() else { return Ok(()) };
     let mut weights: BTreeMap<&str, usize> = BTreeMap::new();
-    let mut first_done: Option<(usize, Vec<usize>)> = None;
+    // Of every fold the first finished cell, and what it was evaluated on.
+    let mut first_done: BTreeMap<Option<usize>, (usize, Vec<usize>)> = BTreeMap::new();
     for (at, record) in records.iter().enumerate() {
-        let name = || format!("{:?}, seed {}", record.row, record.seed);
+        let fold = record.split.fold().map_or(String::new(), |fold| format!(", fold {fold}"));
+        let name = || format!("{:?}, seed {}{fold}", record.row, record.seed);
         let differ = |from: usize, what: &str, a: &dyn std::fmt::Display, b: &dyn std::fmt::Display, help: &str| {
             format!("{}: {} is of the {what} {b}, {} of {a}\n  help: {help}", place(at), name(), place(from))
         };
@@ -88,7 +90,8 @@ pub fn check(records: &[Record], place: &dyn Fn(usize) -> String, joined: &Joine
             let [a, b] = [first, record].map(|r| format!("{} (hash {:.12})", r.dataset, r.dataset_hash));
             bail!(differ(0, "data set", &a, &b, SEPARATE));
         }
-        ensure!(first.split == record.split, differ(0, "split", &first.split.name(), &record.split.name(), SEPARATE));
+        let [of_first, split] = [first, record].map(|r| r.split.of_all_folds());
+        ensure!(of_first == split, differ(0, "split", &of_first, &split, SEPARATE));
         ensure!(first.protocol == record.protocol, differ(0, "protocol", &first.protocol, &record.protocol, SEPARATE));
         for (backbone, sha256) in &record.lpips_weights {
             let other = *weights.entry(backbone).or_insert(at);
@@ -97,7 +100,7 @@ pub fn check(records: &[Record], place: &dyn Fn(usize) -> String, joined: &Joine
                 bail!(differ(other, "LPIPS weights", &a, &b, SEPARATE));
             }
         }
-        if let Some(other) = cells.insert((record.row.as_str(), record.seed), at) {
+        if let Some(other) = cells.insert((record.row.as_str(), record.seed, record.split.fold()), at) {
             let same = serde_json::to_value(&records[other])? == serde_json::to_value(record)?;
             let how = if same { "the same record twice" } else { "two records of one cell that differ" };
             bail!("{} is in {} and in {}: {how}\n  help: a cell counts once: keep one of them", name(), place(other), place(at));
@@ -111,8 +114,8 @@ pub fn check(records: &[Record], place: &dyn Fn(usize) -> String, joined: &Joine
         }
         if let Outcome::Done(numbers) = &record.outcome {
             let indices = || numbers.frames.iter().map(|frame| frame.index).collect::<Vec<_>>();
-            match &first_done {
-                None => first_done = Some((at, indices())),
+            match first_done.get(&record.split.fold()) {
+                None => drop(first_done.insert(record.split.fold(), (at, indices()))),
                 Some((from, held_out)) => ensure!(
                     numbers.frames.len() == held_out.len() && indices() == *held_out,
                     "{}: {} was evaluated on other keyframes than the record in {}\n  help: {SEPARATE}",
@@ -205,7 +208,7 @@ mod tests {
                 &|r| r.dataset_hash = "0123456789abcdef".into(),
                 "line 3: \"a\", seed 2 is of the data set d (hash 0123456789ab)",
             ),
-            ("split", &|r| r.split = Protocol::Segment, "is of the split segment, line 1 of test"),
+            ("split", &|r| r.split = Protocol::SEGMENT, "is of the split segment, line 1 of test"),
             (
                 "protocol",
                 &|r| r.protocol = "corf-heldout/1".into(),

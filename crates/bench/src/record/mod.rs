@@ -1,6 +1,7 @@
 //! One run's record: `metrics.json`.
 
 pub mod comparability;
+pub mod folds;
 pub mod prediction_folder;
 pub mod predictions;
 pub mod provenance;
@@ -431,7 +432,7 @@ pub(crate) mod tests {
         Record {
             schema: SCHEMA.to_owned(),
             protocol: PROTOCOL.to_owned(),
-            split: Protocol::Test,
+            split: Protocol::TEST,
             row: row.to_owned(),
             method: "corf-gs".to_owned(),
             config: json!({"fine_tune_epochs": 0}),

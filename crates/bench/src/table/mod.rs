@@ -19,7 +19,8 @@ pub use note::note;
 
 use crate::metrics::Column;
 use crate::metrics::stats::{Summary, summarize};
-use crate::record::{Numbers, Outcome, PREDICTIONS, Record};
+use crate::record::folds::{self, Together};
+use crate::record::{Numbers, PREDICTIONS, Record};
 use crate::split::Protocol;
 use columns::{DIFFERENCE_KEY, Extra, SHORT, USUAL, column};
 use std::borrow::Cow;
@@ -36,10 +37,10 @@ pub struct Row<'a> {
     pub method: &'a str,
     /// Resolved configuration of the method.
     pub config: &'a serde_json::Value,
-    /// Finished cells, by seed.
-    pub done: Vec<(u64, &'a Numbers)>,
+    /// Finished cells, by seed; those of the folds of blocks together.
+    pub done: Vec<(u64, Cow<'a, Numbers>)>,
     /// Failed cells: seed and error.
-    pub failed: Vec<(u64, &'a str)>,
+    pub failed: Vec<(u64, Cow<'a, str>)>,
     /// Whether any cell read the ray tracer's depth.
     pub traced_depth: bool,
     /// Whether any cell read depth that came with an imported capture.
@@ -60,8 +61,9 @@ pub struct Row<'a> {
 /// failed cell has no numbers that could be mixed with others, and stands in the first of them.
 pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
     let mut rows: Vec<Row<'_>> = Vec::new();
-    for record in records {
-        let place = matches!(record.outcome, Outcome::Done(_)).then(|| Place::of(record));
+    for cell in folds::cells(records) {
+        let (record, outcome) = (cell.of[0], cell.outcome(records));
+        let place = matches!(outcome, Together::Done(_)).then(|| Place::of(record));
         let fits = |row: &Row<'_>| row.cells_of == record.row && (row.place == place || row.place.is_none() || place.is_none());
         let row = match rows.iter().position(fits) {
             Some(at) => &mut rows[at],
@@ -77,7 +79,7 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
                     traced_depth: false,
                     imported_depth: false,
                     true_scene: false,
-                    protocol: record.split,
+                    protocol: cell.split(records),
                     metrics: &record.protocol,
                     unverified: false,
                     stated: false,
@@ -86,14 +88,16 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
             }
         };
         row.place = row.place.take().or(place);
-        row.stated |= record.method == PREDICTIONS;
-        row.unverified |= !record.dataset_verified;
-        row.traced_depth |= record.uses_ground_truth_depth && !record.depth_imported;
-        row.imported_depth |= record.depth_imported;
-        row.true_scene |= record.uses_scene;
-        match &record.outcome {
-            Outcome::Done(numbers) => row.done.push((record.seed, numbers)),
-            Outcome::Failed { error } => row.failed.push((record.seed, error)),
+        for record in &cell.of {
+            row.stated |= record.method == PREDICTIONS;
+            row.unverified |= !record.dataset_verified;
+            row.traced_depth |= record.uses_ground_truth_depth && !record.depth_imported;
+            row.imported_depth |= record.depth_imported;
+            row.true_scene |= record.uses_scene;
+        }
+        match outcome {
+            Together::Done(numbers) => row.done.push((record.seed, numbers)),
+            Together::Failed(error) => row.failed.push((record.seed, error)),
         }
     }
     devices::distinguish(&mut rows);

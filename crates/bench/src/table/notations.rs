@@ -30,16 +30,18 @@ pub fn present(records: &[Record]) -> Vec<&'static Column> {
     COLUMNS.iter().filter(has).collect()
 }
 
-/// One line a cell, every metric that any cell has, nothing aggregated; `uses_scene` where there are oracles, `device` where cells
-/// ran on several.
+/// One line a cell, every metric that any cell has, nothing aggregated; `uses_scene` where there are oracles, `split` where blocks were held out in
+/// folds, `device` where cells ran on several.
 pub fn csv(records: &[Record]) -> String {
     let columns = present(records);
     let mut out = String::from("row,method,dataset,dataset_hash,seed,status,seconds,gaussians,peak_memory_bytes");
     columns.iter().for_each(|c| out.push_str(&format!(",{}", c.key)));
     let oracles = records.iter().any(|r| r.uses_scene);
     let devices = devices::differ(records);
+    let folds = records.iter().any(|r| r.split.fold().is_some());
     out.push_str(",uses_ground_truth_depth");
     out.push_str(if oracles { ",uses_scene" } else { "" });
+    out.push_str(if folds { ",split" } else { "" });
     out.push_str(if devices { ",device,error\n" } else { ",error\n" });
     let optional = |v: Option<u64>| v.map(|v| v.to_string()).unwrap_or_default();
     // Ids and hashes are plain words unless a record was tampered with.
@@ -52,6 +54,9 @@ pub fn csv(records: &[Record]) -> String {
     };
     for r in records {
         let mut facts = if oracles { format!(",{}", r.uses_scene) } else { String::new() };
+        if folds {
+            let _ = write!(facts, ",{}", escape::csv(&r.split.name()));
+        }
         if devices {
             let _ = write!(facts, ",{}", escape::csv(&r.device));
         }

@@ -3,7 +3,6 @@
 use super::{Column, Columns, Row, SHORT, devices};
 use crate::metrics::lpips::NO_WEIGHTS;
 use crate::record::PROTOCOL;
-use crate::split::Protocol;
 use std::fmt::Write;
 
 /// Most rows that a caveat names as its exceptions.
@@ -49,12 +48,12 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
         2 => format!("Mean over 2 seeds{}.", fewer_seeds(rows, 2)),
         n => format!("Mean ± 95 % confidence interval (Student's t) over {n} seeds{}.", fewer_seeds(rows, n)),
     };
-    match rows.first().map(|r| r.protocol) {
-        Some(Protocol::Validation) => {
-            note.push_str(" Validation keyframes; test keyframes were neither trained with nor looked at.")
-        }
-        Some(Protocol::Segment) => note.push_str(" A contiguous segment of the trajectory was held out."),
-        Some(Protocol::Test | Protocol::All) | None => {}
+    let protocol = rows.first().map(|r| r.protocol.note()).filter(|note| !note.is_empty());
+    protocol.iter().for_each(|said| note += &format!(" {said}"));
+    if let Some(blocks) = rows.first().and_then(|r| r.protocol.blocks()) {
+        let keyframes = rows.iter().flat_map(|r| &r.done).map(|(_, numbers)| numbers.frames.len()).max().unwrap_or(0);
+        let folds = if blocks.fold.is_none() { blocks.parts } else { 1 };
+        let _ = write!(note, " n = {keyframes} held-out keyframes in {folds} fold{}.", if folds == 1 { "" } else { "s" });
     }
     for (device, of_device) in devices::groups(rows) {
         let _ = write!(note, " Ran on {device}: {}.", list(&of_device));

@@ -3,7 +3,7 @@
 use super::*;
 use crate::metrics::{COLUMNS, FrameMetrics, LightMetrics, RADIO};
 use crate::record::provenance::Provenance;
-use crate::record::{NOT_STATED, PROTOCOL, SCHEMA};
+use crate::record::{NOT_STATED, Outcome, PROTOCOL, SCHEMA};
 use std::collections::BTreeMap;
 
 fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
@@ -25,7 +25,7 @@ fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
     Record {
         schema: SCHEMA.to_owned(),
         protocol: PROTOCOL.to_owned(),
-        split: Protocol::Test,
+        split: Protocol::TEST,
         row: row.to_owned(),
         method: "corf-gs".to_owned(),
         config: serde_json::Value::Null,

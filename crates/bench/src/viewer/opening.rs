@@ -10,7 +10,7 @@ use std::path::Path;
 /// Index of the held-out keyframe that was predicted best, by the record beside the run (`corf evaluate`) or in the comparison that keeps it; without one
 /// that in the middle of those held out, since the first stands where the way begins and little was seen from there.
 pub(super) fn opening(folder: &Path, info: &RunInfo, split: &Split) -> usize {
-    let of_comparison = || Record::read(&record_of_model(folder, info.seed)?).ok();
+    let of_comparison = || Record::read(&record_of_model(folder, info.seed, info.protocol)?).ok();
     let record = Record::read(&folder.join(METRICS)).ok().or_else(of_comparison);
     let record = record.filter(|r| r.method == info.method && r.seed == info.seed);
     let frames = match record.map(|r| r.outcome) {

@@ -2,6 +2,7 @@
 
 mod array;
 mod cells;
+mod density;
 mod light;
 mod network;
 mod paper;
@@ -47,6 +48,8 @@ pub enum Bench {
     Collect(Collect),
     /// Compare changes of a method's constants on the validation keyframes of several datasets.
     Sweep(SweepCommand),
+    /// Run a plan on thinner and thinner training keyframes, and say at which distance to the nearest one a field overtakes copying.
+    Density(density::Density),
     /// Print a finished comparison's table.
     Table(Table),
     /// Write a finished comparison's tables and report again.
@@ -175,6 +178,7 @@ impl Bench {
             Self::Submit(c) => c.run(json),
             Self::Collect(c) => c.run(json),
             Self::Sweep(c) => c.run(json),
+            Self::Density(c) => c.run(json),
             Self::Table(c) => c.run(json),
             Self::Report(c) => c.run(json),
             Self::Paper(c) => c.run(json),

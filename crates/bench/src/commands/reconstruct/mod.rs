@@ -70,7 +70,7 @@ pub struct Reconstruct {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Protocol: the keyframes that train, and those that `corf evaluate` then looks at (default: test; with --follow: all).
-    #[arg(long, value_enum)]
+    #[arg(long, value_name = "PROTOCOL")]
     protocol: Option<Protocol>,
     /// Epochs of offline fine-tuning over all training keyframes after the last one.
     #[arg(long, value_name = "EPOCHS")]
@@ -129,7 +129,7 @@ impl Reconstruct {
             method: &self.method,
             overrides,
             seed: self.seed,
-            protocol: self.protocol.unwrap_or(Protocol::All),
+            protocol: self.protocol.unwrap_or(Protocol::ALL),
             when_behind: self.when_behind,
             strict: self.strict,
             backend: self.device.resolve()?,
@@ -392,7 +392,7 @@ fn ending(out: &Path, info: &RunInfo) -> String {
     }
     let evaluate = format!("corf evaluate {folder}");
     let view = format!("corf view {folder}");
-    let next = match record.is_none() && info.protocol != Protocol::All {
+    let next = match record.is_none() && info.protocol != Protocol::ALL {
         true => format!("{evaluate}    (quality on the held-out keyframes)\n      {view}    (look at it)"),
         false => format!("{view}    (look at it)"),
     };

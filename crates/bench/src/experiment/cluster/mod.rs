@@ -50,7 +50,7 @@ pub struct CellList {
 }
 
 /// A cell of a list.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ListedCell {
     /// Hash of all that the cell's numbers depend on: dataset, protocol, method with its resolved configuration, seed, and program.
     pub id: String,
@@ -95,11 +95,11 @@ impl<'a> Namer<'a> {
     }
 
     /// Id of a cell, with its method's resolved configuration.
-    fn id_of(&self, cell: Cell<'_>, split: Protocol) -> Result<String> {
+    fn id_of(&self, cell: Cell<'_>) -> Result<String> {
         let dataset = &self.input.dataset;
-        let (method, config) = cells::settings_of(cell, &Split::of(dataset, split)?, dataset)?;
+        let (method, config) = cells::settings_of(cell, &Split::of(dataset, cell.split)?, dataset)?;
         let own = serde_json::json!({
-            "split": split,
+            "split": cell.split,
             "row": cell.row.label,
             "method": method,
             "config": config,
@@ -122,8 +122,8 @@ impl CellList {
         let mut cells = Vec::new();
         for Part { plan, .. } in parts {
             for (_, cell) in plan.interleaved() {
-                let id = namer.id_of(cell, plan.protocol)?;
-                cells.push(ListedCell { id, row: cell.row.label.clone(), seed: cell.seed, split: plan.protocol });
+                let id = namer.id_of(cell)?;
+                cells.push(ListedCell { id, row: cell.row.label.clone(), seed: cell.seed, split: cell.split });
             }
         }
         Ok(Self { schema: SCHEMA.to_owned(), dataset_hash: input.dataset.hash().to_owned(), lpips, cells })
@@ -189,8 +189,10 @@ impl Planned {
 
     /// A cell and the part of the plan it belongs to.
     fn find(&self, listed: &ListedCell) -> Option<(&Part, Cell<'_>)> {
-        let part = self.parts.iter().find(|part| part.plan.protocol == listed.split)?;
-        let cell = part.plan.cells().find(|cell| cell.row.label == listed.row && cell.seed == listed.seed)?;
+        let part = self.parts.iter().find(|part| part.plan.protocol.folds().contains(&listed.split))?;
+        let cell = part.plan.cells().find(|cell| {
+            (cell.row.label.as_str(), cell.seed, cell.split) == (listed.row.as_str(), listed.seed, listed.split)
+        })?;
         Some((part, cell))
     }
 
@@ -204,7 +206,7 @@ impl Planned {
         if !path.exists() {
             return Ok(None);
         }
-        let record = cells::read_record(&path, cell, part.plan.protocol)?;
+        let record = cells::read_record(&path, cell)?;
         Ok((record.cell.as_ref() == Some(&listed.id)).then_some(record))
     }
 
@@ -241,7 +243,7 @@ impl Planned {
             bail!("{} has no cell {id}\n  help: {} lists them; {again}", self.out.display(), self.out.join(LIST).display());
         };
         let (part, cell) = self.find(listed).with_context(|| format!("cell {id} is not in the plan\n  help: {again}"))?;
-        let now = Namer::new(input)?.id_of(cell, listed.split)?;
+        let now = Namer::new(input)?.id_of(cell)?;
         if now != id {
             bail!(
                 "cell {id} would be {now} today: the dataset, the plan or this program is another than when the list was written\n  \
@@ -265,7 +267,7 @@ impl Planned {
     /// A damaged record, records that may not stand in one table, or a row that cannot run.
     pub fn collect(&self, input: &Input) -> Result<Vec<(&Part, Vec<Record>)>> {
         let of_part = |part: &Part| -> Result<Vec<Record>> {
-            let cells: Vec<_> = self.list.cells.iter().filter(|listed| listed.split == part.plan.protocol).collect();
+            let cells: Vec<_> = self.list.cells.iter().filter(|listed| part.plan.protocol.folds().contains(&listed.split)).collect();
             let records: Vec<Record> = cells.iter().map(|listed| self.record_or_failure(listed, input)).collect::<Result<_>>()?;
             let place = |at: usize| format!("cell {}", cells[at].id);
             comparability::check(&records, &place, &Joined::default())?;

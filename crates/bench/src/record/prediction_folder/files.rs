@@ -114,7 +114,7 @@ mod tests {
     use crate::split::Protocol;
 
     fn split() -> Split {
-        Split { protocol: Protocol::Test, train: vec![1, 2], held_out: vec![0, 3] }
+        Split { protocol: Protocol::TEST, train: vec![1, 2], held_out: vec![0, 3] }
     }
 
     fn listed(names: &[&str], counted: Names) -> Result<Files> {

@@ -5,7 +5,6 @@ use super::{Beside, Figure, PaperLine};
 use crate::files::escape;
 use crate::metrics::stats::Summary;
 use crate::record::Record;
-use crate::split::Protocol;
 use crate::table::{Columns, Row, TOO_FEW_LATEX, TOO_FEW_MARK, TOO_FEW_NOTE, latex_footnote, note, text};
 use std::fmt::Write;
 
@@ -21,15 +20,7 @@ pub fn head(records: &[Record]) -> String {
         if found.is_empty() { "none".to_owned() } else { found.join("; ") }
     }
     let datasets = all(records, |r| format!("{} (hash {:.12})", r.dataset, r.dataset_hash));
-    let protocols = all(records, |r| {
-        match r.split {
-            Protocol::Test => "its test keyframes held out",
-            Protocol::Validation => "its validation keyframes held out",
-            Protocol::Segment => "a contiguous segment held out",
-            Protocol::All => "no keyframe held out",
-        }
-        .to_owned()
-    });
+    let protocols = all(records, |r| r.split.of_all_folds().held_out());
     format!(
         "The data differ, so only the shape can be compared: which row is ahead, and by how much. The paper's lobby (a replica of a hall at NIST, \
          images by Blender, spectra by Sionna RT, 147 keyframes, every eighth held out) cannot be had; ours: {datasets}, {protocols}. The paper's \

@@ -18,7 +18,7 @@ fn record_of(row: &str, method: &str, config: serde_json::Value, seed: u64, psnr
     Record {
         schema: String::new(),
         protocol: crate::record::PROTOCOL.to_owned(),
-        split: Protocol::Test,
+        split: Protocol::TEST,
         row: row.to_owned(),
         method: method.to_owned(),
         config,
