@@ -113,25 +113,13 @@ fn figures_that_cannot_be_and_evaluations_of_nothing_are_refused_before_any_work
 #[test]
 fn a_spectrum_and_renderings_have_figures_with_axes() {
     let folder = tempfile::tempdir().unwrap();
-    let form = |colours: &str| {
-        let out = folder.path().join(colours);
-        corf_ok(&[
-            "spectrum",
-            "scenes/room.toml",
-            "--rx",
-            "1.5,1.5,1.2",
-            "--no-diffuse",
-            "--kind",
-            "mpc,bartlett",
-            "--size",
-            "60x40",
-            "--colours",
-            colours,
-            "--out",
-            text(&out),
-        ]);
+    let spectrum = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name);
+        let point = ["spectrum", "scenes/room.toml", "--rx", "1.5,1.5,1.2", "--no-diffuse", "--out", text(&out)];
+        corf_ok(&[&point, more].concat());
         out
     };
+    let form = |colours: &str| spectrum(colours, &["--kind", "mpc,bartlett", "--size", "60x40", "--colours", colours]);
     let (perceptual, jet) = (form("perceptual"), form("jet"));
     let said = texts(&perceptual.join("mpc.svg"));
     for text in ["Angular power spectrum (mpc) at 60 GHz", "azimuth, °", "elevation along the lines, °", "dB re 1/sr"] {
@@ -144,20 +132,7 @@ fn a_spectrum_and_renderings_have_figures_with_axes() {
     for file in ["mpc.exr", "mpc-db.exr", "mpc-jet.png"] {
         assert!(fs::read(perceptual.join(file)).unwrap() == fs::read(jet.join(file)).unwrap(), "{file}");
     }
-    let sphere = folder.path().join("sphere");
-    corf_ok(&[
-        "spectrum",
-        "scenes/room.toml",
-        "--rx",
-        "1.5,1.5,1.2",
-        "--no-diffuse",
-        "--grid",
-        "sphere",
-        "--size",
-        "72x36",
-        "--out",
-        text(&sphere),
-    ]);
+    let sphere = spectrum("sphere", &["--grid", "sphere", "--size", "72x36"]);
     let said = texts(&sphere.join("mpc.svg"));
     assert!(["135", "-135", "60", "elevation, °"].iter().all(|text| said.iter().any(|t| t == text)), "{said:?}");
 }

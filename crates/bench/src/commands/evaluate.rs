@@ -9,7 +9,7 @@ use crate::metrics::input::Verify;
 use crate::metrics::lpips::LpipsOption;
 use crate::note;
 use crate::record::prediction_folder::{PredictionFolder, PredictionWriter, stated_of};
-use crate::record::{Numbers, Outcome, Record};
+use crate::record::{METRICS, Numbers, Outcome, Record};
 use crate::report::along::Figures;
 use crate::run::claim_shared;
 use crate::run::evaluation;
@@ -92,7 +92,7 @@ impl Evaluate {
         let _held = claim_shared(folder)?;
         let records = [record];
         let figures = Figures::of(&records, &dataset)?;
-        records[0].write(&folder.join("metrics.json"))?;
+        records[0].write(&folder.join(METRICS))?;
         figures.iter().try_for_each(|figures| figures.write(folder))?;
         picture.as_ref().map_or(Ok(()), Picture::write)?;
         // Last, so that the command works again until all of it is done.

@@ -5,6 +5,7 @@ use crate::files::separation::{Reads, keep_apart};
 use crate::note;
 use crate::scenes::stub::{self, Source, Stub};
 use crate::terminal::progress::Stage;
+use crate::terminal::shell;
 use anyhow::{Context, Result};
 use clap::Args;
 use corf_scene::config::UpAxis;
@@ -100,7 +101,7 @@ fn said(stub: &Stub, [scene, dataset, preview]: [&Path; 3]) -> String {
     format!(
         "{}: {} materials to be filled in, a guessed transmitter at {:.2}, a loop of {:.1} m by {} waypoints, {:.2} m from everything\n\
          {}: look at it, then correct what is marked as a guess\n\
-         next: corf scene validate {}\n      corf dataset generate {} --out data/{}",
+         next: corf scene validate {}\n      corf dataset generate {} --out {}",
         scene.display(),
         stub.unknown.len(),
         stub.transmitter_m,
@@ -108,9 +109,9 @@ fn said(stub: &Stub, [scene, dataset, preview]: [&Path; 3]) -> String {
         stub.waypoints,
         stub.clearance_m,
         preview.display(),
-        scene.display(),
-        dataset.display(),
-        dataset.file_stem().unwrap_or_default().display(),
+        shell::word(&scene.display().to_string()),
+        shell::word(&dataset.display().to_string()),
+        shell::word(&format!("data/{}", dataset.file_stem().unwrap_or_default().display())),
     )
 }
 

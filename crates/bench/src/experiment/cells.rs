@@ -2,7 +2,7 @@
 
 use crate::device::Backend;
 use crate::experiment::cell_clock::CellClock;
-use crate::experiment::plan::{Cell, Plan, RowKind, slug};
+use crate::experiment::plan::{Cell, Plan, RowKind, slug, stem};
 use crate::methods;
 use crate::methods::interface::{Checkpoints, Method, TrainingSet};
 use crate::methods::registry;
@@ -66,6 +66,12 @@ pub fn read_record(path: &Path, cell: Cell<'_>, protocol: Protocol) -> Result<Re
         );
     }
     Ok(record)
+}
+
+/// Path of the record that belongs to a model's run folder, which is a row's, in the folder of the comparison that keeps it.
+pub fn record_of_model(model: &Path, seed: u64) -> Option<PathBuf> {
+    let (comparison, row) = (model.parent()?.parent()?, model.file_name()?.to_str()?);
+    Some(comparison.join(CELLS).join(format!("{}.json", stem(row, seed))))
 }
 
 /// Run folder of a row's first seed in a comparison's folder.

@@ -252,8 +252,13 @@ fn text_of(path: &Path) -> Result<String> {
 impl Cell<'_> {
     /// The cell's file stem.
     pub fn stem(&self) -> String {
-        format!("{}-seed{}", slug(&self.row.label), self.seed)
+        stem(&slug(&self.row.label), self.seed)
     }
+}
+
+/// File stem of a row's cell; `row` is the slug of its label.
+pub fn stem(row: &str, seed: u64) -> String {
+    format!("{row}-seed{seed}")
 }
 
 /// A label as a file name: lower case letters, digits and hyphens.

@@ -235,6 +235,9 @@ impl Record {
     }
 }
 
+/// File of a run's record, in its folder.
+pub const METRICS: &str = "metrics.json";
+
 /// File of a results folder that holds all its records, one a line.
 pub const ARCHIVE: &str = "records.jsonl.gz";
 

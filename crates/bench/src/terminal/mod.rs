@@ -3,6 +3,7 @@
 pub mod interrupt;
 pub mod messages;
 pub mod progress;
+pub mod shell;
 
 pub use corf_scene::config::{help_with_name, nearest};
 

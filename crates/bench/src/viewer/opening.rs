@@ -1,7 +1,8 @@
 //! The keyframe that a run's page opens on.
 
+use crate::experiment::cells::record_of_model;
 use crate::metrics::FrameMetrics;
-use crate::record::{Outcome, Record};
+use crate::record::{METRICS, Outcome, Record};
 use crate::run::RunInfo;
 use crate::split::Split;
 use std::path::Path;
@@ -9,11 +10,8 @@ use std::path::Path;
 /// Index of the held-out keyframe that was predicted best, by the record beside the run (`corf evaluate`) or in the comparison that keeps it; without one
 /// that in the middle of those held out, since the first stands where the way begins and little was seen from there.
 pub(super) fn opening(folder: &Path, info: &RunInfo, split: &Split) -> usize {
-    let of_comparison = || {
-        let (comparison, row) = (folder.parent()?.parent()?, folder.file_name()?.to_str()?);
-        Record::read(&comparison.join("cells").join(format!("{row}-seed{}.json", info.seed))).ok()
-    };
-    let record = Record::read(&folder.join("metrics.json")).ok().or_else(of_comparison);
+    let of_comparison = || Record::read(&record_of_model(folder, info.seed)?).ok();
+    let record = Record::read(&folder.join(METRICS)).ok().or_else(of_comparison);
     let record = record.filter(|r| r.method == info.method && r.seed == info.seed);
     let frames = match record.map(|r| r.outcome) {
         Some(Outcome::Done(numbers)) => numbers.frames,

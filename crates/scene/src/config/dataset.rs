@@ -1,5 +1,6 @@
 //! `scenes/lobby-mini.toml` and its like: how many keyframes, which images, which spectrum, which split.
 
+use super::load::config_text;
 use super::spectrum::{MAX_IMAGE_SIDE, check_fov};
 use super::{SceneConfig, SpectrumConfig, TransmitterConfig, from_toml, read_toml};
 use crate::trajectory::{TrajectoryPose, generate_between};
@@ -188,14 +189,15 @@ impl DatasetConfig {
     pub fn load_with(path: impl AsRef<Path>, change: impl FnOnce(&mut toml::Table)) -> Result<Self> {
         let path = path.as_ref();
         // What is wrong in the file itself is complained about with its line.
-        let as_written: Self = read_toml(path)?;
-        let mut table: toml::Table = read_toml(path)?;
+        let (text, place) = (config_text(path)?, path.display().to_string());
+        let as_written: Self = from_toml(&text, &place)?;
+        let mut table: toml::Table = from_toml(&text, &place)?;
         let before = table.clone();
         change(&mut table);
         if table == before {
             return Self::checked(as_written, path);
         }
-        Self::checked(from_toml(&table.to_string(), &format!("{} with --set", path.display()))?, path)
+        Self::checked(from_toml(&table.to_string(), &format!("{place} with --set"))?, path)
     }
 
     /// A configuration as `path` holds it, once its values are known to be of use.

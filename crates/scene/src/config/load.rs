@@ -10,12 +10,16 @@ use std::path::Path;
 /// The file cannot be read, is no TOML, or has an unknown, missing or mistyped key; the message names file, line and column.
 pub fn read_toml<T: DeserializeOwned>(path: impl AsRef<Path>) -> Result<T> {
     let path = path.as_ref();
+    from_toml(&config_text(path)?, &path.display().to_string())
+}
+
+/// The text of a configuration file.
+pub(super) fn config_text(path: &Path) -> Result<String> {
     let help = "give a configuration file (.toml); a mesh is named in one, as `file` of its [scene]";
-    let text = io::read_config_text(path).map_err(|e| match e {
+    io::read_config_text(path).map_err(|e| match e {
         Error::Invalid { place, what, .. } => Error::invalid(place, what, help),
         other => other,
-    })?;
-    from_toml(&text, &path.display().to_string())
+    })
 }
 
 /// Reads TOML text into `T`; `file` names it in messages.

@@ -23,7 +23,7 @@ use corf_scene::npz::{Array, Values, encode_npz};
 use corf_scene::{Error, bounds, io};
 use glam::DVec3;
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// Taps after the last path that an impulse response shows.
@@ -167,10 +167,7 @@ impl Paths {
             _ => {}
         }
         if let Some(out) = &self.out {
-            let read = [Some(&self.scene), self.link.config.as_ref(), self.rx_file.as_ref()];
-            let reads: Vec<Reads<'_>> = read.into_iter().flatten().map(|file| Reads::File(file)).collect();
-            keep_apart("--out", out, &reads)?;
-            keep_from_scene("--out", out)?;
+            self.keep_output_apart(out)?;
         }
         let mut setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
         setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
@@ -287,6 +284,14 @@ impl Paths {
         let bytes = receivers as f64 * (responses * bytes_each + setup.transmitters.len() as f64 * LINK_BYTES);
         let help = "give fewer receivers at a time, smaller arrays or fewer --subcarriers";
         Ok(bounds::memory("receivers", &format!("the channels of {receivers}"), bytes, help)?)
+    }
+
+    /// Refuses an output that lies in what is read.
+    fn keep_output_apart(&self, out: &Path) -> Result<()> {
+        let read = [Some(&self.scene), self.link.config.as_ref(), self.rx_file.as_ref()];
+        let reads: Vec<Reads<'_>> = read.into_iter().flatten().map(|file| Reads::File(file)).collect();
+        keep_apart("--out", out, &reads)?;
+        keep_from_scene("--out", out)
     }
 
     fn trace<'s>(&self, setup: &'s LinkSetup, sampling: &DiffuseSettings, format: Format) -> Result<Traced<'s>> {

@@ -2,7 +2,6 @@
 
 use super::{Format, Paths, scenario};
 use crate::commands::Verdict;
-use crate::files::separation::{Reads, keep_apart, keep_from_scene};
 use crate::note;
 use crate::radio_link::LinkSetup;
 use crate::run::claim_fresh;
@@ -40,10 +39,7 @@ impl Paths {
             let help = "leave it out: receivers and their --interval, or the trajectory's speed, say it";
             return Err(Error::invalid(self.moving(), "what moves has its places here, one a step", help).into());
         }
-        let read = [Some(&self.scene), self.link.config.as_ref(), self.rx_file.as_ref()];
-        let reads: Vec<Reads<'_>> = read.into_iter().flatten().map(|file| Reads::File(file)).collect();
-        keep_apart("--out", out, &reads)?;
-        keep_from_scene("--out", out)?;
+        self.keep_output_apart(out)?;
         let mut setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
         setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
         if setup.transmitters.len() != 1 {

@@ -13,7 +13,7 @@ use crate::methods;
 use crate::methods::interface::{Advance, Checkpoints, TrainingSet};
 use crate::metrics::input::Verify;
 use crate::note;
-use crate::record::Record;
+use crate::record::{METRICS, Record};
 use crate::run::harness;
 use crate::run::picture::Picture;
 use crate::run::quality::QualityWatch;
@@ -23,6 +23,7 @@ use crate::table;
 use crate::terminal;
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
+use crate::terminal::shell;
 use crate::viewer::{Port, Watching};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
@@ -282,8 +283,6 @@ impl Reconstruct {
 
 /// The figure of quality over time, in the run's folder.
 const QUALITY: &str = "quality.svg";
-/// What `corf evaluate` writes into a run's folder.
-const METRICS: &str = "metrics.json";
 
 /// The state of an unfinished run, in its folder.
 const CHECKPOINT: &str = "checkpoint";
@@ -369,7 +368,7 @@ fn summary(info: &RunInfo) -> String {
 
 /// Where the run is, what it is worth on the held-out keyframes where it was evaluated, and the commands to type next.
 fn ending(out: &Path, info: &RunInfo) -> String {
-    let folder = shell_word(&out.display().to_string());
+    let folder = shell::word(&out.display().to_string());
     let mut text = format!("\nrun:  {}", out.display());
     let record = out.join(METRICS).is_file().then(|| Record::read(&out.join(METRICS)).ok()).flatten();
     if let (Some(record), Ok(columns)) = (&record, table::columns(&["short".to_owned()])) {
@@ -385,22 +384,4 @@ fn ending(out: &Path, info: &RunInfo) -> String {
         false => format!("{view}    (look at it)"),
     };
     text + &format!("\nnext: {next}")
-}
-
-/// A word as a shell takes it.
-fn shell_word(word: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "/._-+:@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn folders_of_blanks_and_quotes_are_one_word_of_the_next_command() {
-        assert_eq!(shell_word("runs/a-1"), "runs/a-1");
-        assert_eq!(shell_word("my runs/it's"), "'my runs/it'\\''s'");
-        assert_eq!(shell_word(""), "''");
-    }
 }

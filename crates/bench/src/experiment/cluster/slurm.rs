@@ -9,6 +9,7 @@ use crate::device::DeviceChoice;
 use crate::experiment::plan::slug;
 use crate::note;
 use crate::terminal::interrupt;
+use crate::terminal::shell::quoted;
 use anyhow::{Context, Result, bail, ensure};
 use corf_scene::io::{sha256_hex, write_atomic};
 use std::ffi::OsString;
@@ -44,11 +45,6 @@ const MAX_ARRAY_SIZE: usize = 1001;
 const RESERVED: [&str; 8] = ["array", "parsable", "test-only", "wait", "wrap", "help", "usage", "version"];
 /// Options that the collecting job takes over: on whose account, and on which cluster.
 const SHARED: [&str; 2] = ["account", "clusters"];
-
-/// Text as one word of a shell script.
-fn quoted(text: &str) -> String {
-    format!("'{}'", text.replace('\'', r"'\''"))
-}
 
 /// A path as it stands in a job script.
 fn path_text(path: &Path) -> Result<String> {
