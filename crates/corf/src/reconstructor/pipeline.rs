@@ -182,7 +182,7 @@ impl Shared {
         state.met = to_meet;
         let extracted = state.extracted.remove(&place);
         drop(state);
-        let associated = extracted.map(|extracted| extracted.map(|extracted| self.preparer.associate(&mut past, extracted)));
+        let associated = extracted.map(|extracted| extracted.and_then(|extracted| self.preparer.associate(&mut past, extracted)));
         let mut state = self.lock();
         state.past = Some(past);
         state.associated += 1;

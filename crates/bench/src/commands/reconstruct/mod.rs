@@ -325,6 +325,9 @@ fn summary(info: &RunInfo) -> String {
     if info.resumed_steps > 0 {
         text += &format!("; {} steps came from a checkpoint", info.resumed_steps);
     }
+    if let Some(processor_s) = info.processor_s {
+        text += &format!("; {processor_s:.1} s of processor time");
+    }
     if let Some(quality) = info.curve.last().and_then(|point| point.held_out) {
         let decibels = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.2} dB"));
         text += &format!(
@@ -355,6 +358,8 @@ fn summary(info: &RunInfo) -> String {
             ("arrival to optimised", l.total),
             ("  wait", l.wait),
             ("    of it preparation", l.prepare),
+            ("      matching", l.matching),
+            ("      matching, by the GPU's clock", l.match_device),
             ("  expand", l.expand),
             ("  train", l.train),
             ("  late steps", l.late),
