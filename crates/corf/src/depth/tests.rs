@@ -114,7 +114,8 @@ fn what_does_not_count_is_neither_corner_nor_match() {
         let (reference, others) = views.split_last().unwrap();
         let near = select_neighbours(reference, others, 4.0, 6);
         let pixels: Vec<(usize, usize)> = (0..108).step_by(2).flat_map(|y| (0..192).step_by(3).map(move |x| (x, y))).collect();
-        let matched = match_wide(&ProcessorMatcher, reference, &near, &pixels, &config).unwrap().depths.into_iter().map(|d| (d.x, d.y));
+        let matched =
+            match_wide(&ProcessorMatcher, reference, &near, &pixels, &config).unwrap().depths.into_iter().map(|d| (d.x, d.y));
         (triangulate(&ProcessorMatcher, reference, &near, &config).unwrap().depths, matched.collect::<Vec<_>>())
     };
     let (corners, matched) = found(&views(true));
@@ -264,7 +265,8 @@ fn guided_matching_sharpens_the_prior_several_times_over() {
         let prior = align(&mono, &triangulate(&ProcessorMatcher, reference, &near, &config).unwrap().depths, &config).unwrap();
         let pixels: Vec<(usize, usize)> = (0..2000).map(|i| ((i * 37) % width, (i * 53) % height)).collect();
         let started = std::time::Instant::now();
-        let found = match_guided(&ProcessorMatcher, reference, &near, &prior, &pixels, config.match_range, &config).unwrap().depths;
+        let found =
+            match_guided(&ProcessorMatcher, reference, &near, &prior, &pixels, config.match_range, &config).unwrap().depths;
         let elapsed_s = started.elapsed().as_secs_f64();
         let accurate: Vec<&PixelDepth> = found.iter().filter(|d| d.reliability == Reliability::Accurate).collect();
         let e = errors(accurate.iter().map(|d| (d.x, d.y, d.inverse_depth)), truth(k));

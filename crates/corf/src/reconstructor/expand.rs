@@ -5,7 +5,7 @@ use super::{
     prepare::{MatchingTime, Prepared, acceptance, anchor_grid, inverse_depth},
 };
 use crate::{
-    Coupling, Gaussians, ReconstructionConfig, Result, Sampling,
+    Coupling, Gaussians, Result, Sampling,
     depth::{self, PixelDepth, Reliability, SparseDepth},
     device::{PruneDecision, PruneRule, Shown, StepReport, Survey, SurveyRequest, View},
     expansion::{prune, spawn},

@@ -70,6 +70,9 @@ impl Device for Wrapped {
     fn upload_packed(&mut self, view: PackedView) -> Result<ViewId> {
         self.inner.upload_packed(view)
     }
+    fn matcher(&self) -> Result<Option<std::sync::Arc<dyn crate::depth::Matcher>>> {
+        self.inner.matcher()
+    }
     fn trains_on_the_host(&self) -> bool {
         !self.eager
     }

@@ -192,8 +192,7 @@ impl GpuMatcher {
             });
             let timestamp_writes = timestamp_writes.filter(|_| piece == 0 || piece + 1 == pieces);
             {
-                let mut pass =
-                    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(DOING), timestamp_writes });
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(DOING), timestamp_writes });
                 bound.run(&mut pass, (UNIFORM_STRIDE * piece as u64) as u32, job_of(piece).count);
             }
             if let (Some(clock), true) = (&*clock, piece + 1 == pieces) {

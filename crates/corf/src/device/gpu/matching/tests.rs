@@ -118,8 +118,8 @@ fn corners_and_matches_without_a_prior_are_the_processors() {
     for (width, height) in [(192, 108), (641, 361)] {
         let s = Setup::new(width, height, None);
         let (reference, near) = s.neighbours();
-        let [ours, theirs] = [&gpu as &dyn Matcher, &ProcessorMatcher]
-            .map(|m| find_corners(m, reference, &near, &s.config).unwrap().depths);
+        let [ours, theirs] =
+            [&gpu as &dyn Matcher, &ProcessorMatcher].map(|m| find_corners(m, reference, &near, &s.config).unwrap().depths);
         let mut places: Vec<(usize, usize)> = ours.iter().chain(&theirs).map(|c| (c.x, c.y)).collect();
         places.sort_unstable();
         places.dedup();
@@ -128,8 +128,8 @@ fn corners_and_matches_without_a_prior_are_the_processors() {
         };
         compare(&format!("{width}, corners"), &of(&ours), &of(&theirs), 150);
         let pixels = s.pixels(1500);
-        let [ours, theirs] =
-            [&gpu as &dyn Matcher, &ProcessorMatcher].map(|m| match_wide(m, reference, &near, &pixels, &s.config).unwrap().depths);
+        let [ours, theirs] = [&gpu as &dyn Matcher, &ProcessorMatcher]
+            .map(|m| match_wide(m, reference, &near, &pixels, &s.config).unwrap().depths);
         let [a, b] = [&ours, &theirs].map(|depths| at(&pixels, depths, Reliability::Accurate));
         compare(&format!("{width}, wide"), &a, &b, 200);
     }
