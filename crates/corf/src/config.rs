@@ -86,12 +86,6 @@ pub enum MatchedOn {
     Processor,
 }
 
-impl MatchedOn {
-    fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
-}
-
 /// Error level of the simulated depth prior (γ, λ and κ of `depth::prior`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -230,7 +224,6 @@ pub struct DepthConfig {
     pub min_zncc: f32,
     /// Where keyframes are matched: on the `device` that trains, or on the `processor` in any case. A GPU finds what the processor finds but for
     /// matches within rounding of a threshold. Default `device`.
-    #[serde(skip_serializing_if = "MatchedOn::is_default")]
     pub matched_on: MatchedOn,
 }
 

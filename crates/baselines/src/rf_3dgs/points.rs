@@ -74,7 +74,7 @@ pub fn triangulated(views: &[PointView]) -> Result<Vec<Point>> {
             Point { position: p.as_vec3().to_array(), color: view.image[(corner.x, corner.y)] }
         }));
     }
-    out
+    Ok(out)
 }
 
 /// Grey points, uniform in the cube of `half_side_m` around the cameras' mean.
