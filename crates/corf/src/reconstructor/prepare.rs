@@ -286,8 +286,11 @@ impl Preparer {
         let least = self.config.least_probability;
         let mut probability = match sampling {
             Sampling::Uniform => Raster::filled(light.width, light.height, self.config.uniform_probability),
-            Sampling::Log => laplacian_of_gaussian::probability(&light, self.config.log_sigma_px).map(|p| p.max(least)),
+            Sampling::Log => laplacian_of_gaussian::probability(&light, self.config.log_sigma_px),
         };
+        if sampling == Sampling::Log {
+            probability.pixels_mut().iter_mut().for_each(|p| *p = p.max(least));
+        }
         if let Some(mask) = &guide.mask {
             let pixels = probability.pixels_mut().iter_mut().zip(mask.pixels());
             pixels.filter(|(_, counts)| !**counts).for_each(|(p, _)| *p = 0.0);
