@@ -264,6 +264,20 @@ impl Reconstructor {
         if collecting { 0 } else { self.ahead.waiting() }
     }
 
+    /// Whether [`Self::process`] would begin at once: a keyframe waits, and nothing of its preparation has to be waited for. Whoever has more to receive
+    /// meanwhile asks first.
+    pub fn is_ready(&mut self) -> bool {
+        self.waiting() > 0 && {
+            self.begin_associating();
+            self.ahead.is_ready()
+        }
+    }
+
+    /// The first keyframes are matched with each other.
+    fn begin_associating(&mut self) {
+        self.ahead.begin(self.config.bootstrap_keyframes.saturating_sub(self.past.len()));
+    }
+
     /// Expands the field with the earliest keyframe that waits and optimises it, while the next one is prepared. `None` where none waits.
     ///
     /// # Errors
@@ -272,8 +286,7 @@ impl Reconstructor {
         if self.waiting() == 0 {
             return Ok(None);
         }
-        // The first keyframes are matched with each other.
-        self.ahead.begin(self.config.bootstrap_keyframes.saturating_sub(self.past.len()));
+        self.begin_associating();
         let (Some(received), Some(prepared)) = (self.arrivals.front().copied(), self.ahead.take()?) else { return Ok(None) };
         self.arrivals.pop_front();
         let begin = Instant::now();

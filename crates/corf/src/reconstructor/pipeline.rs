@@ -137,6 +137,11 @@ impl KeyframePipeline {
         }
     }
 
+    /// Whether the earliest keyframe that waits can be taken without waiting for others' work on it.
+    pub fn is_ready(&self) -> bool {
+        self.waiting() > 0 && (self.shared.threads.is_none() || self.shared.lock().ready.contains_key(&self.taken))
+    }
+
     /// Takes the earliest keyframe, once it is prepared; `None` where none waits.
     ///
     /// # Errors
