@@ -1,12 +1,10 @@
 //! The seam of matching: what is asked of images and poses, and nothing that is decided. Which pixels are matched, with which neighbours, around
 //! which depths, and what becomes of those that find none stands above it ([`matching`](super::matching), [`triangulate`](super::triangulate)).
 
+use super::held::HeldView;
 use super::view::{GreyView, Neighbour};
 use crate::{Result, config::DepthConfig};
 use glam::Vec2;
-use std::any::Any;
-use std::fmt;
-use std::sync::Arc;
 
 /// Start of one pixel's search along its epipolar lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,28 +32,6 @@ impl<T> Found<T> {
     /// What the processor found.
     pub fn here(depths: Vec<T>) -> Self {
         Self { depths, device_s: 0.0 }
-    }
-}
-
-/// A view's copy in a matcher's own memory, for as long as the view is there.
-#[derive(Clone)]
-pub struct HeldView(Arc<dyn Any + Send + Sync>);
-
-impl HeldView {
-    /// Wraps what a matcher keeps.
-    pub fn new(content: impl Any + Send + Sync) -> Self {
-        Self(Arc::new(content))
-    }
-
-    /// The wrapped content, if it is of this type.
-    pub fn content<T: Any>(&self) -> Option<&T> {
-        self.0.downcast_ref()
-    }
-}
-
-impl fmt::Debug for HeldView {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("HeldView")
     }
 }
 

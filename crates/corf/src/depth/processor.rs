@@ -1,7 +1,8 @@
 //! Matching on the processor, a pixel a task.
 
 use super::{
-    matcher::{Found, HeldView, Matcher, Start},
+    held::HeldView,
+    matcher::{Found, Matcher, Start},
     matching::match_pixel,
     triangulate::sweep_pixel,
     view::{GreyView, Neighbour},

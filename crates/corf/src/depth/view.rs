@@ -1,6 +1,6 @@
 //! A keyframe as matching sees it, and the warp between two of them.
 
-use super::matcher::HeldView;
+use super::held::HeldView;
 use super::patch::{GreyImage, Warp};
 use corf_scene::{Light, Pinhole, Raster, Rigid3};
 use glam::{DVec3, Mat2, Mat3, Vec2, Vec3};

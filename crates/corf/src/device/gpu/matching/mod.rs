@@ -11,8 +11,7 @@ use crate::{
     Result,
     config::DepthConfig,
     depth::{
-        GreyView, Neighbour,
-        matcher::{Found, HeldView, Matcher, Start},
+        Found, GreyView, HeldView, Matcher, Neighbour, Start,
         matching::{FINEST_STEP_PX, RADIUS, least_segment_px},
         patch::{FULL, LEAST_CONTRAST},
         triangulate,

@@ -3,7 +3,7 @@
 use super::super::keyframe_cache::{Budget, Lease};
 use crate::{
     Result,
-    depth::{GreyImage, GreyView, Neighbour, matcher::HeldView},
+    depth::{GreyImage, GreyView, HeldView, Neighbour},
 };
 use corf_gpu::{Context, record};
 use corf_scene::Pinhole;
