@@ -104,7 +104,14 @@ fn pauses_do_not_matter_and_the_run_is_one_like_any_other() {
         assert_eq!((line["index"].as_u64(), line["number"].as_u64()), (Some(index), Some(index + 1)));
         let [arrived, began, done, latency] = ["arrived_s", "began_s", "done_s", "latency_ms"].map(|k| line[k].as_f64().unwrap());
         assert!(arrived <= began && began < done && (1e3 * (done - arrived) - latency).abs() < 1e-6, "{line}");
+        let [others, matching, on_gpu] =
+            ["waited_for_others_ms", "match_ms", "match_device_ms"].map(|k| line[k].as_f64().unwrap());
+        assert!((0.0..=1e3 * (began - arrived) + 1e-6).contains(&others) && matching > 0.0 && on_gpu == 0.0, "{line}");
     }
+    // All at once: they wait for one another, and it is said which of their waits is the longer.
+    let median = |part: &str| live[part]["median_s"].as_f64().unwrap();
+    assert!(median("waited_for_others") > median("waited_for_preparation"), "{live}");
+    assert!(stderr.contains("P99") && stderr.contains("expansion and training are too slow"), "{stderr}");
 
     // The keyframes are a data set now, from which an ordinary reconstruction makes the same field.
     let dataset = at("slow-run").join("dataset");

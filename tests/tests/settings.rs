@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
 const WITHOUT_EFFECT_HERE: &[(&str, &str)] = &[
     ("raster.tile_px", "speed on a GPU; by its definition nothing that is computed depends on it"),
     ("raster.keyframe_memory_mb", "a memory budget of the GPU; nothing that is computed depends on it"),
+    ("depth.matched_on", "beside a GPU alone; where the processor trains it matches in any case"),
     ("half_precision", "matrix units of a GPU; the processor computes in f32 always"),
     ("depth.weights", "needs the weights of a network, which are not part of the repository"),
     ("depth.input_px", "of that network"),
@@ -58,6 +59,7 @@ const VALUES: &[(&str, &str)] = &[
     ("depth.min_segment_px", "60.0"),
     ("depth.cost_ratio", "3.0"),
     ("depth.min_zncc", "0.8"),
+    ("depth.matched_on", "\"processor\""),
     ("beta1", "0.8"),
     ("beta2", "0.9"),
     ("epsilon", "1e-2"),

@@ -75,6 +75,17 @@ pub enum FolderKind {
     InverseMetric,
 }
 
+/// Where keyframes are matched with their neighbours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MatchedOn {
+    /// On the device that trains.
+    #[default]
+    Device,
+    /// On the processor, whatever trains.
+    Processor,
+}
+
 /// Error level of the simulated depth prior (γ, λ and κ of `depth::prior`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -215,6 +226,9 @@ pub struct DepthConfig {
     pub cost_ratio: f64,
     /// Lowest mean ZNCC of an accurate match.
     pub min_zncc: f32,
+    /// Where keyframes are matched: on the `device` that trains, or on the `processor` in any case. A GPU finds what the processor finds but for
+    /// matches within rounding of a threshold. Default `device`.
+    pub matched_on: MatchedOn,
 }
 
 impl Default for DepthConfig {
@@ -240,6 +254,7 @@ impl Default for DepthConfig {
             min_segment_px: 4.0,
             cost_ratio: 1.1,
             min_zncc: 0.7,
+            matched_on: MatchedOn::Device,
         }
     }
 }
@@ -267,6 +282,7 @@ impl DepthConfig {
             ("min_segment_px", is_matched, MATCHED),
             ("cost_ratio", is_matched, MATCHED),
             ("min_zncc", is_matched, MATCHED),
+            ("matched_on", is_matched, MATCHED),
             ("preset", self.prior == Prior::Simulated, "it counts with depth.prior = \"simulated\" alone"),
             ("folder_kind", self.prior == Prior::Folder, "it counts with depth.prior = \"folder\" alone"),
             ("png_scale", self.prior == Prior::Folder && is_metric, METRIC),

@@ -157,7 +157,7 @@ impl Rf3dgsReconstructor {
         }
         let half_side_m = f64::from(self.config.random_extent) * self.extent_m;
         self.points = match self.config.initial_points {
-            InitialPoints::Triangulated => points::triangulated(&self.views),
+            InitialPoints::Triangulated => points::triangulated(&self.views)?,
             InitialPoints::Random => points::random(&self.poses, self.config.random_points, half_side_m, self.seed),
         };
         self.views = vec![];

@@ -51,8 +51,11 @@ impl PointView {
     }
 }
 
-/// Corners of every view, triangulated with its neighbours among all of them, before or after it, in the views' order.
-pub fn triangulated(views: &[PointView]) -> Vec<Point> {
+/// Corners of every view, triangulated on the processor with its neighbours among all of them, before or after it, in the views' order.
+///
+/// # Errors
+/// None of the processor's.
+pub fn triangulated(views: &[PointView]) -> Result<Vec<Point>> {
     let config = DepthConfig::default();
     let mut typical_depth_m = (config.near_m * config.far_m).sqrt();
     let mut out = Vec::new();
@@ -60,7 +63,7 @@ pub fn triangulated(views: &[PointView]) -> Vec<Point> {
         let reference = &view.grey;
         let others = views.iter().map(|v| &v.grey).filter(|v| v.index != reference.index);
         let neighbours = depth::select_neighbours(reference, others, typical_depth_m, config.neighbours);
-        let corners = depth::triangulate(reference, &neighbours, &config);
+        let corners = depth::triangulate(&depth::ProcessorMatcher, reference, &neighbours, &config)?.depths;
         let mut inverse: Vec<f32> = corners.iter().map(|c| c.inverse_depth).collect();
         inverse.sort_unstable_by(f32::total_cmp);
         if let Some(median) = inverse.get(inverse.len() / 2) {
@@ -72,7 +75,7 @@ pub fn triangulated(views: &[PointView]) -> Vec<Point> {
             Point { position: p.as_vec3().to_array(), color: view.image[(corner.x, corner.y)] }
         }));
     }
-    out
+    Ok(out)
 }
 
 /// Grey points, uniform in the cube of `half_side_m` around the cameras' mean.
@@ -179,7 +182,7 @@ mod tests {
             (0..6).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64), &camera, &radio, true)).collect();
         let views: Vec<PointView> =
             keyframes.iter().map(|k| PointView::new(k.index, k.world_from_camera, synthetic::light(k).clone(), camera)).collect();
-        let points = triangulated(&views);
+        let points = triangulated(&views).unwrap();
         assert!(points.len() > 100, "{} points", points.len());
         // Against the depth that the synthetic keyframes carry, which nothing above has looked at.
         let mut errors: Vec<f64> = points

@@ -67,6 +67,12 @@ pub struct LiveRecord {
     pub taken_per_second: Option<f64>,
     /// Time from arrival to the end of a keyframe's training.
     pub latency: Percentiles,
+    /// The part of it in which keyframes before it were expanded and trained with.
+    #[serde(default)]
+    pub waited_for_others: Percentiles,
+    /// The part of it in which nothing was: it was read and prepared, or the first ones were collected.
+    #[serde(default)]
+    pub waited_for_preparation: Percentiles,
     /// Whether keyframes were dropped, or more than `bootstrap_keyframes` waited at once.
     pub fell_behind: bool,
     /// Where depths came from.
@@ -76,10 +82,10 @@ pub struct LiveRecord {
 impl LiveRecord {
     /// It in a few lines.
     pub fn summary(&self) -> String {
-        let [median, p90] = [self.latency.median_s, self.latency.p90_s].map(|s| 1e3 * s);
+        let [median, p90, p99] = [self.latency.median_s, self.latency.p90_s, self.latency.p99_s].map(|s| 1e3 * s);
         let mut text = format!(
             "live: {} arrived, {} trained, {} held out, {} dropped, {} refused; ended by {}\nlatency from arrival to trained: median \
-             {median:.0} ms, P90 {p90:.0} ms; longest queue {}",
+             {median:.0} ms, P90 {p90:.0} ms, P99 {p99:.0} ms; longest queue {}",
             counted(self.arrived, "keyframe"),
             self.trained,
             self.held_out,
@@ -96,6 +102,18 @@ impl LiveRecord {
             rate(self.capacity_per_second),
             if self.fell_behind { "FELL BEHIND" } else { "kept up" }
         );
+        let ms = |p: Percentiles| [1e3 * p.median_s, 1e3 * p.p99_s];
+        let ([others, others_p99], [own, own_p99]) = (ms(self.waited_for_others), ms(self.waited_for_preparation));
+        text += &format!(
+            "\nof it, median and P99, they waited {others:.0} and {others_p99:.0} ms for keyframes before them, {own:.0} and {own_p99:.0} ms for \
+             being read and prepared"
+        );
+        if self.fell_behind {
+            text += match others > own {
+                true => ": expansion and training are too slow",
+                false => ": reading and preparation are too slow",
+            };
+        }
         let DepthSources { files, network, matching } = self.depth;
         text += &format!(
             "\ndepth of {} from files, of {network} from a network, of {matching} from matching alone",
@@ -130,6 +148,10 @@ pub(super) struct Log {
     dropped: Vec<u64>,
     refused: Vec<[String; 2]>,
     latencies_s: Vec<f64>,
+    /// Of these what was waited for others, and for preparation.
+    waits_s: [Vec<f64>; 2],
+    /// When the training of the latest keyframe ended, after the start.
+    latest_s: f64,
     /// When the training of the first and of the latest keyframe ended, after the start.
     done_s: Option<[f64; 2]>,
     depth: DepthSources,
@@ -167,6 +189,8 @@ impl Log {
             dropped: earlier.dropped.clone(),
             refused: earlier.refused.clone(),
             latencies_s: Vec::new(),
+            waits_s: [Vec::new(), Vec::new()],
+            latest_s: 0.0,
             done_s: None,
             depth: DepthSources::default(),
             warned_at: BEHIND,
@@ -189,12 +213,16 @@ impl Log {
     }
 
     pub fn trained(&mut self, t: &Trained<'_>) -> Result<()> {
-        let KeyframeTiming { index, wait_s, prepare_s, expand_s, train_s, late_s, .. } = *t.timing;
+        let KeyframeTiming { index, wait_s, prepare_s, match_s, match_device_s, expand_s, train_s, late_s, .. } = *t.timing;
         let (arrived_s, latency_s) = (self.since_start(t.arrived), t.timing.total_s());
         self.trained += 1;
         let done_s = arrived_s + latency_s;
+        let others_s = (self.latest_s - arrived_s).clamp(0.0, wait_s);
+        self.latest_s = done_s;
         if !t.resumed {
             self.latencies_s.push(latency_s);
+            self.waits_s[0].push(others_s);
+            self.waits_s[1].push(wait_s - others_s);
             self.done_s = Some([self.done_s.map_or(done_s, |d| d[0]), done_s]);
         }
         match t.depth {
@@ -204,11 +232,13 @@ impl Log {
         }
         let of = self.announced.map_or(String::new(), |n| format!("/{n}"));
         note!(
-            "keyframe {} ({}{of}): {:.0} ms from arrival (waited {:.0}, expanded {:.0}, trained {:.0}), queue {}, {} Gaussians, depth: {}",
+            "keyframe {} ({}{of}): {:.0} ms from arrival (waited {:.0} for others, {:.0} for preparation, expanded {:.0}, trained {:.0}), queue {}, \
+             {} Gaussians, depth: {}",
             t.number,
             index + 1,
             1e3 * latency_s,
-            1e3 * wait_s,
+            1e3 * others_s,
+            1e3 * (wait_s - others_s),
             1e3 * expand_s,
             1e3 * (train_s + late_s),
             t.queue,
@@ -223,7 +253,10 @@ impl Log {
             "began_s": arrived_s + wait_s,
             "done_s": done_s,
             "latency_ms": 1e3 * latency_s,
+            "waited_for_others_ms": 1e3 * others_s,
             "prepare_ms": 1e3 * prepare_s,
+            "match_ms": 1e3 * match_s,
+            "match_device_ms": 1e3 * match_device_s,
             "expand_ms": 1e3 * expand_s,
             "train_ms": 1e3 * (train_s + late_s),
             "queue": t.queue,
@@ -304,6 +337,7 @@ impl Log {
             let seconds = last.saturating_duration_since(first).as_secs_f64();
             (seconds > 0.0).then(|| (tally.seen_now - 1) as f64 / seconds)
         };
+        let [others_s, preparation_s] = self.waits_s;
         Ok(LiveRecord {
             folder: std::path::absolute(folder)?,
             when_behind: policy,
@@ -321,6 +355,8 @@ impl Log {
             taken_per_second: self.done_s.filter(|d| d[1] > d[0]).map(|d| (self.latencies_s.len() - 1) as f64 / (d[1] - d[0])),
             capacity_per_second: LatencySummary::of(timings).map(|l| l.keyframes_per_second),
             latency: Percentiles::of(self.latencies_s.into_iter()),
+            waited_for_others: Percentiles::of(others_s.into_iter()),
+            waited_for_preparation: Percentiles::of(preparation_s.into_iter()),
             depth: self.depth,
         })
     }

@@ -23,6 +23,9 @@ pub const DATASET: &str = "dataset";
 /// Longest time without a look at whether somebody interrupts.
 const LOOK: Duration = Duration::from_millis(50);
 
+/// Longest time without a look at whether a keyframe has been prepared.
+const BRIEFLY: Duration = Duration::from_millis(2);
+
 /// What a session needs to know.
 pub struct SessionOptions<'a> {
     /// The live folder.
@@ -326,6 +329,14 @@ impl Session {
     /// The thread that looks into the folder is gone.
     pub fn wait(&self) -> Result<()> {
         self.inbox.wait(LOOK)
+    }
+
+    /// Waits for a keyframe no longer than somebody is kept from one that is prepared meanwhile.
+    ///
+    /// # Errors
+    /// The thread that looks into the folder is gone.
+    pub fn wait_briefly(&self) -> Result<()> {
+        self.inbox.wait(BRIEFLY)
     }
 
     /// Finishes the data set of what was taken, and the record.

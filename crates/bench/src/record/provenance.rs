@@ -52,6 +52,17 @@ pub fn peak_memory_bytes() -> Option<u64> {
     Some(kib * 1024)
 }
 
+/// Processor time that all threads of this process have taken so far, seconds; `None` where the system does not tell.
+pub fn processor_s() -> Option<f64> {
+    /// Ticks a second in which Linux tells times, whatever its own clock is (proc(5)).
+    const TICKS: f64 = 100.0;
+    let text = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The program's name may hold anything but ends at the last parenthesis; times in user and in system mode are fields 14 and 15.
+    let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks = |field: usize| fields.get(field - 3)?.parse::<u64>().ok();
+    Some((ticks(14)? + ticks(15)?) as f64 / TICKS)
+}
+
 /// Forgets the peak so far, so that the next [`peak_memory_bytes`] speaks of what follows; does nothing where the system cannot.
 pub fn reset_peak_memory() {
     // Writing 5 to clear_refs resets VmHWM (Linux, proc(5)); failing to only makes the figure an upper bound.

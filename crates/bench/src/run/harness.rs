@@ -4,7 +4,7 @@ use crate::methods::interface::{Advance, Method, Predictor, StageTime, TrainingS
 use crate::metrics::input::Input;
 use crate::metrics::{FrameMetrics, Prediction};
 use crate::record::prediction_folder::PredictionFolder;
-use crate::record::provenance::{Provenance, peak_memory_bytes, reset_peak_memory};
+use crate::record::provenance::{Provenance, peak_memory_bytes, processor_s, reset_peak_memory};
 use crate::record::{CLOCK, CurvePoint, NOT_STATED, Numbers, Outcome, PREDICTIONS, PROTOCOL, Record, SCHEMA, STATED_CLOCK};
 use crate::run::evaluation::evaluate;
 use crate::run::quality::QualityWatch;
@@ -28,6 +28,8 @@ pub struct Reconstruction {
     pub curve: Vec<CurvePoint>,
     /// Peak resident memory of the process during it, bytes.
     pub peak_memory_bytes: Option<u64>,
+    /// Processor time of the process during it, seconds: of all threads, with what stands beside the clock (reading files, looking at quality).
+    pub processor_s: Option<f64>,
     /// Timing of each keyframe, for methods that work keyframe by keyframe.
     pub keyframes: Vec<KeyframeTiming>,
     /// Errors of the depths of new Gaussians, for methods that estimate depth, where the dataset has the true depth.
@@ -99,7 +101,7 @@ pub fn clocked(
     reset_peak_memory();
     let (mut curve, mut keyframes, mut depth) = (Vec::new(), Vec::new(), None);
     let (mut stages, mut resumed_steps) = (Vec::new(), 0);
-    let start = Instant::now();
+    let (start, processor_before) = (Instant::now(), processor_s());
     let mut evaluating = Duration::ZERO;
     let seconds_but = |evaluating: Duration| start.elapsed().saturating_sub(idle() + evaluating).as_secs_f64();
     let mut predictor = work(&mut |advance: Advance<'_>| {
@@ -129,13 +131,14 @@ pub fn clocked(
     })?;
     let seconds = seconds_but(evaluating);
     let peak_memory_bytes = peak_memory_bytes();
+    let processor_s = processor_s().zip(processor_before).map(|(after, before)| after - before);
     if let Some(quality) = quality {
         // The finished field, as `corf evaluate` will find it; what was said at the end of the work is of the same moment.
         let held_out = Some(quality.of(predictor.as_mut())?);
         curve.retain(|point| point.progress < 1.0);
         curve.push(CurvePoint { seconds, progress: 1.0, gaussians: predictor.gaussians(), held_out });
     }
-    Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes, keyframes, depth, stages, resumed_steps })
+    Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes, processor_s, keyframes, depth, stages, resumed_steps })
 }
 
 /// The part of a record that its maker has to say: a method, or another program's predictions.

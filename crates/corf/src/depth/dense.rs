@@ -130,24 +130,34 @@ impl Dense {
 
     /// [`Self::at`] of every pixel of the image.
     pub fn to_pixels(&self) -> Raster<f32> {
-        self.spread(Self::mix)
+        self.spread::<false>()
     }
 
     /// [`Self::at_unless_zero`] of every pixel of the image.
     pub fn to_pixels_unless_zero(&self) -> Raster<f32> {
-        self.spread(Self::mix_unless_zero)
+        self.spread::<true>()
     }
 
-    fn spread(&self, mix: impl Fn(&Self, Between, Between) -> f32 + Sync) -> Raster<f32> {
+    /// Every pixel as [`Self::mix`] has it or, if `UNLESS_ZERO`, [`Self::mix_unless_zero`]; the cells' rows are looked up once a row.
+    fn spread<const UNLESS_ZERO: bool>(&self) -> Raster<f32> {
         if self.is_of_pixels() {
             return self.grid.clone();
         }
         let (w, h) = self.image;
         let columns: Vec<Between> = (0..w).map(|x| self.along_x(x)).collect();
+        let cells = |y: usize| &self.grid.pixels()[y * self.grid.width()..(y + 1) * self.grid.width()];
         let mut pixels = vec![0.0; w * h];
         pixels.par_chunks_mut(w.max(1)).enumerate().for_each(|(y, row)| {
-            let rows = self.along_y(y);
-            row.iter_mut().zip(&columns).for_each(|(value, column)| *value = mix(self, *column, rows));
+            let (y0, y1, fy) = self.along_y(y);
+            let (above, below) = (cells(y0), cells(y1));
+            for (value, &(x0, x1, fx)) in row.iter_mut().zip(&columns) {
+                let [a, b, c, d] = [above[x0], above[x1], below[x0], below[x1]];
+                if UNLESS_ZERO && (a == 0.0 || b == 0.0 || c == 0.0 || d == 0.0) {
+                    continue;
+                }
+                let (top, bottom) = (a + fx * (b - a), c + fx * (d - c));
+                *value = top + fy * (bottom - top);
+            }
         });
         Raster::from_vec(w, h, pixels)
     }

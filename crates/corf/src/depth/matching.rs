@@ -2,72 +2,83 @@
 
 use super::{
     AlignedPrior, PixelDepth, Reliability,
+    matcher::{Found, Matcher, Start},
     patch::{Patch, Warp},
-    triangulate::sweep,
     view::{GreyView, Neighbour, parabola_offset},
 };
-use crate::config::DepthConfig;
+use crate::{Result, config::DepthConfig};
 use glam::Vec2;
 use rayon::prelude::*;
 
 /// Radius of the matching window, 7×7 pixels.
-const RADIUS: usize = 3;
+pub(crate) const RADIUS: usize = 3;
 
 /// The shortest epipolar segment worth searching in an image of this width, pixels: in proportion to the width, half a pixel at least (the
 /// candidates of anything shorter see the same pixels).
-fn least_segment_px(config: &DepthConfig, width: usize) -> f32 {
+pub(crate) fn least_segment_px(config: &DepthConfig, width: usize) -> f32 {
     (config.min_segment_px * width as f64 / 640.0).max(0.5) as f32
 }
 
 /// Depths of sampled pixels around an aligned prior (`range` is the half range of the search, relative to it), in the pixels' order. A pixel
 /// whose match passes the gate is `Accurate`; one whose match fails falls back to the `Prior` where that is confident; otherwise it is left out.
+///
+/// # Errors
+/// The matcher's.
 pub fn match_guided(
+    matcher: &dyn Matcher,
     reference: &GreyView,
     neighbours: &[Neighbour<'_>],
     prior: &AlignedPrior,
     pixels: &[(usize, usize)],
     range: f64,
     config: &DepthConfig,
-) -> Vec<PixelDepth> {
-    let found: Vec<Option<PixelDepth>> = pixels
-        .par_iter()
-        .map(|&(x, y)| {
-            let guess = prior.inverse_depth.at(x, y);
-            let slope = slope(prior, reference, x, y);
-            let start = Start { guess, slope, range };
-            if let Some(inverse_depth) = match_pixel(reference, neighbours, x, y, &start, config) {
-                return Some(PixelDepth { x, y, inverse_depth, reliability: Reliability::Accurate });
-            }
-            (prior.confidence.at_unless_zero(x, y) > 0.0).then_some(PixelDepth {
-                x,
-                y,
-                inverse_depth: guess,
-                reliability: Reliability::Prior,
-            })
-        })
-        .collect();
-    found.into_iter().flatten().collect()
+) -> Result<Found<PixelDepth>> {
+    let start = |&(x, y): &(usize, usize)| {
+        let slope = slope(prior, reference, x, y);
+        Start { x, y, guess: prior.inverse_depth.at(x, y), slope }
+    };
+    let starts: Vec<Start> = pixels.par_iter().with_min_len(256).map(start).collect();
+    let Found { depths, device_s } = matcher.guided(reference, neighbours, &starts, range, config)?;
+    let settled = starts.iter().zip(depths).filter_map(|(&Start { x, y, guess, .. }, found)| match found {
+        Some(inverse_depth) => Some(PixelDepth { x, y, inverse_depth, reliability: Reliability::Accurate }),
+        None => {
+            let is_confident = prior.confidence.at_unless_zero(x, y) > 0.0;
+            is_confident.then_some(PixelDepth { x, y, inverse_depth: guess, reliability: Reliability::Prior })
+        }
+    });
+    Ok(Found { depths: settled.collect(), device_s })
 }
 
 /// Depths of sampled pixels without a prior, in the pixels' order: the coarse sweep of the triangulation finds a unique match over the whole
 /// range of depths, and the guided matching confirms and refines it. Everything else is left out.
+///
+/// # Errors
+/// The matcher's.
 pub fn match_wide(
+    matcher: &dyn Matcher,
     reference: &GreyView,
     neighbours: &[Neighbour<'_>],
     pixels: &[(usize, usize)],
     config: &DepthConfig,
-) -> Vec<PixelDepth> {
-    let found: Vec<Option<PixelDepth>> = pixels
-        .par_iter()
-        .map(|&(x, y)| {
-            let (cx, cy) = (x >> reference.coarse_level, y >> reference.coarse_level);
-            let guess = sweep(reference, neighbours, cx, cy, config)?;
-            let start = Start { guess, slope: Vec2::ZERO, range: config.match_range };
-            let inverse_depth = match_pixel(reference, neighbours, x, y, &start, config)?;
-            Some(PixelDepth { x, y, inverse_depth, reliability: Reliability::Accurate })
-        })
-        .collect();
-    found.into_iter().flatten().collect()
+) -> Result<Found<PixelDepth>> {
+    // Pixels of one block are swept once, together.
+    let (level, stride) = (reference.coarse_level, (reference.fine.width() >> reference.coarse_level) + 1);
+    let block = |&(x, y): &(usize, usize)| (y >> level) * stride + (x >> level);
+    let mut blocks: Vec<usize> = pixels.iter().map(block).collect();
+    blocks.sort_unstable();
+    blocks.dedup();
+    let places: Vec<(usize, usize)> = blocks.iter().map(|b| (b % stride, b / stride)).collect();
+    let swept = matcher.sweep(reference, neighbours, &places, config)?;
+    let start = |at: &(usize, usize)| {
+        let guess = swept.depths[blocks.binary_search(&block(at)).ok()?]?;
+        Some(Start { x: at.0, y: at.1, guess, slope: Vec2::ZERO })
+    };
+    let starts: Vec<Start> = pixels.iter().filter_map(start).collect();
+    let found = matcher.guided(reference, neighbours, &starts, config.match_range, config)?;
+    let matched = starts.iter().zip(found.depths).filter_map(|(&Start { x, y, .. }, inverse_depth)| {
+        Some(PixelDepth { x, y, inverse_depth: inverse_depth?, reliability: Reliability::Accurate })
+    });
+    Ok(Found { depths: matched.collect(), device_s: swept.device_s + found.device_s })
 }
 
 /// The prior's change of inverse depth per pixel, from differences across the matching window; none where it is not trusted.
@@ -86,28 +97,17 @@ fn slope(prior: &AlignedPrior, reference: &GreyView, x: usize, y: usize) -> Vec2
 }
 
 /// The parabola is fitted over steps of at most this many pixels.
-const FINEST_STEP_PX: f32 = 0.5;
-
-/// Start of one pixel's epipolar search.
-struct Start {
-    /// Inverse depth, 1/m.
-    guess: f32,
-    /// Its change per pixel.
-    slope: Vec2,
-    /// Half range of the search, relative to the guess.
-    range: f64,
-}
+pub(crate) const FINEST_STEP_PX: f32 = 0.5;
 
 /// The matched inverse depth of one pixel near a guess, or `None` where the gate refuses it.
-fn match_pixel(
+pub(super) fn match_pixel(
     reference: &GreyView,
     neighbours: &[Neighbour<'_>],
-    x: usize,
-    y: usize,
     start: &Start,
+    range: f64,
     config: &DepthConfig,
 ) -> Option<f32> {
-    let &Start { guess, slope, range } = start;
+    let &Start { x, y, guess, slope } = start;
     let camera = &reference.fine_camera;
     let patch = Patch::new(&reference.fine, x, y, RADIUS)?;
     let (u, v) = (x as f32 + 0.5, y as f32 + 0.5);

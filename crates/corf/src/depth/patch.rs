@@ -29,7 +29,7 @@ pub struct GreyImage {
 /// Most pixels of an image: their numbers are exact in f32.
 pub const MAX_PIXELS: usize = 1 << 24;
 /// Stored 16-bit value of a grey value of 1. The images are 8-bit: rounding to 16 bits is 1/257 of their own.
-const FULL: f32 = 65535.0;
+pub(crate) const FULL: f32 = 65535.0;
 
 impl GreyImage {
     /// Stores an image with values in `[0, 1]`.
@@ -74,6 +74,16 @@ impl GreyImage {
     pub fn counts(&self, [x0, y0]: [usize; 2], [x1, y1]: [usize; 2]) -> bool {
         let before = |x: usize, y: usize| self.left_out[y * (self.width + 1) + x];
         self.left_out.is_empty() || before(x1 + 1, y1 + 1) + before(x0, y0) == before(x0, y1 + 1) + before(x1 + 1, y0)
+    }
+
+    /// The values as 16-bit numbers row by row, each with its right neighbour in the upper half, the last column's with itself.
+    pub fn pairs(&self) -> &[u32] {
+        &self.pairs
+    }
+
+    /// Number of pixels in the rectangle before column x and row y that do not count, at `y·(width + 1) + x`; nothing where all count.
+    pub fn left_out(&self) -> &[u32] {
+        &self.left_out
     }
 
     /// Pixels in a row.
@@ -128,7 +138,7 @@ pub struct Patch {
 }
 
 /// Smallest standard deviation of a patch's grey values that can be matched: under it there is noise and 8-bit rounding only.
-const LEAST_CONTRAST: f32 = 1.5 / 255.0;
+pub(crate) const LEAST_CONTRAST: f32 = 1.5 / 255.0;
 
 impl Patch {
     /// The `(2·radius+1)²` patch around pixel `(x, y)`, radius 1 to 3; `None` where it leaves the image, holds a pixel that does not count, or has no

@@ -76,7 +76,7 @@ fn triangulated_corners_lie_on_the_surfaces() {
         let s = setup(width, height, true);
         let (reference, near) = neighbours(&s);
         assert!(near.len() >= 4);
-        let corners = triangulate(reference, &near, &DepthConfig::default());
+        let corners = triangulate(&ProcessorMatcher, reference, &near, &DepthConfig::default()).unwrap().depths;
         let e = errors(corners.iter().map(|c| (c.x, c.y, c.inverse_depth)), truth(&s.keyframes[5]));
         let outliers = e.iter().filter(|&&e| e > 0.1).count() as f32 / e.len() as f32;
         eprintln!(
@@ -114,8 +114,9 @@ fn what_does_not_count_is_neither_corner_nor_match() {
         let (reference, others) = views.split_last().unwrap();
         let near = select_neighbours(reference, others, 4.0, 6);
         let pixels: Vec<(usize, usize)> = (0..108).step_by(2).flat_map(|y| (0..192).step_by(3).map(move |x| (x, y))).collect();
-        let matched = match_wide(reference, &near, &pixels, &config).into_iter().map(|d| (d.x, d.y));
-        (triangulate(reference, &near, &config), matched.collect::<Vec<_>>())
+        let matched =
+            match_wide(&ProcessorMatcher, reference, &near, &pixels, &config).unwrap().depths.into_iter().map(|d| (d.x, d.y));
+        (triangulate(&ProcessorMatcher, reference, &near, &config).unwrap().depths, matched.collect::<Vec<_>>())
     };
     let (corners, matched) = found(&views(true));
     let near_sign = |x: usize, y: usize| (67..133).contains(&x) && (27..83).contains(&y);
@@ -144,9 +145,9 @@ fn blank_walls_triangulate_nothing_and_match_nothing() {
         .filter(|&(x, y)| (y - 5..=y + 5).all(|v| (x - 5..=x + 5).all(|u| surface[(u, v)] == surface[(x, y)])))
         .collect();
     assert!(flat.len() > 1000);
-    let found = match_guided(reference, &near, &prior, &flat, config.match_range, &config);
+    let found = match_guided(&ProcessorMatcher, reference, &near, &prior, &flat, config.match_range, &config).unwrap().depths;
     assert!(found.iter().all(|d| d.reliability == Reliability::Prior));
-    let corners = triangulate(reference, &near, &config);
+    let corners = triangulate(&ProcessorMatcher, reference, &near, &config).unwrap().depths;
     let e = errors(corners.iter().map(|c| (c.x, c.y, c.inverse_depth)), truth(&s.keyframes[5]));
     // The block's silhouette and the room's edges remain; what is found there must still be right.
     assert!(e.iter().filter(|&&e| e > 0.1).count() as f32 <= 0.2 * e.len() as f32 + 1.0, "{e:?}");
@@ -261,10 +262,11 @@ fn guided_matching_sharpens_the_prior_several_times_over() {
         let config = DepthConfig::default();
         let k = &s.keyframes[5];
         let mono = SimulatedPrior::new(PriorPreset::Default, SEED).estimate(k.index, light(k)).unwrap();
-        let prior = align(&mono, &triangulate(reference, &near, &config), &config).unwrap();
+        let prior = align(&mono, &triangulate(&ProcessorMatcher, reference, &near, &config).unwrap().depths, &config).unwrap();
         let pixels: Vec<(usize, usize)> = (0..2000).map(|i| ((i * 37) % width, (i * 53) % height)).collect();
         let started = std::time::Instant::now();
-        let found = match_guided(reference, &near, &prior, &pixels, config.match_range, &config);
+        let found =
+            match_guided(&ProcessorMatcher, reference, &near, &prior, &pixels, config.match_range, &config).unwrap().depths;
         let elapsed_s = started.elapsed().as_secs_f64();
         let accurate: Vec<&PixelDepth> = found.iter().filter(|d| d.reliability == Reliability::Accurate).collect();
         let e = errors(accurate.iter().map(|d| (d.x, d.y, d.inverse_depth)), truth(k));
@@ -289,7 +291,7 @@ fn without_a_prior_wide_matching_finds_fewer_but_right_depths() {
     let s = setup(192, 108, true);
     let (reference, near) = neighbours(&s);
     let pixels: Vec<(usize, usize)> = (0..2000).map(|i| ((i * 37) % 192, (i * 53) % 108)).collect();
-    let found = match_wide(reference, &near, &pixels, &DepthConfig::default());
+    let found = match_wide(&ProcessorMatcher, reference, &near, &pixels, &DepthConfig::default()).unwrap().depths;
     let e = errors(found.iter().map(|d| (d.x, d.y, d.inverse_depth)), truth(&s.keyframes[5]));
     eprintln!("wide: {} found, median {:.4}", e.len(), e[e.len() / 2]);
     assert!(e.len() > 300, "{}", e.len());

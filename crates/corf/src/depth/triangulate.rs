@@ -1,10 +1,11 @@
 //! Sparse metric depths: corners swept along their epipolar lines through a fixed range of inverse depths.
 
 use super::{
+    matcher::{Found, Matcher},
     patch::{GreyImage, Patch},
     view::{GreyView, Neighbour, parabola_offset},
 };
-use crate::config::DepthConfig;
+use crate::{Result, config::DepthConfig};
 use corf_scene::{Pinhole, Raster};
 use rayon::prelude::*;
 
@@ -20,13 +21,13 @@ pub struct SparseDepth {
 }
 
 /// Radius of the 7×7 window of the coarse sweep.
-const RADIUS: usize = 3;
+pub(crate) const RADIUS: usize = 3;
 /// The best hypothesis must leave every distant one behind: `1 − ZNCC` at most this fraction of theirs.
-const UNIQUENESS: f32 = 0.8;
+pub(crate) const UNIQUENESS: f32 = 0.8;
 /// Hypotheses within this many steps of the best one belong to the same peak.
-const PEAK_STEPS: usize = 3;
+pub(crate) const PEAK_STEPS: usize = 3;
 /// Tolerance of the left-right consistency check: distance of the match back from its origin, pixels of the sweep's image.
-const LEFT_RIGHT_PX: f32 = 1.5;
+pub(crate) const LEFT_RIGHT_PX: f32 = 1.5;
 /// One corner is wanted per this many pixels of the sweep's image, up to the configured count.
 const PIXELS_PER_CORNER: usize = 20;
 
@@ -34,25 +35,36 @@ const PIXELS_PER_CORNER: usize = 20;
 ///
 /// Each corner is compared at `config.sweep_candidates` inverse depths, uniform between 1/far and 1/near, with all neighbours; the best is
 /// kept where it is unique and where the match leads back; then refined to a fraction of a step. Order: by row, then column.
-pub fn triangulate(reference: &GreyView, neighbours: &[Neighbour<'_>], config: &DepthConfig) -> Vec<SparseDepth> {
+///
+/// # Errors
+/// The matcher's.
+pub fn triangulate(
+    matcher: &dyn Matcher,
+    reference: &GreyView,
+    neighbours: &[Neighbour<'_>],
+    config: &DepthConfig,
+) -> Result<Found<SparseDepth>> {
     if neighbours.is_empty() {
-        return Vec::new();
+        return Ok(Found::here(Vec::new()));
     }
     let wanted = config.corners.min(reference.coarse.width() * reference.coarse.height() / PIXELS_PER_CORNER);
-    let found: Vec<Option<SparseDepth>> = corners(&reference.coarse, wanted)
-        .into_par_iter()
-        .map(|(x, y)| {
-            let inverse_depth = sweep(reference, neighbours, x, y, config)?;
-            let half = (1usize << reference.coarse_level) / 2;
-            let at = |c: usize| (c << reference.coarse_level) + half;
-            Some(SparseDepth { x: at(x), y: at(y), inverse_depth })
-        })
-        .collect();
-    found.into_iter().flatten().collect()
+    let corners = corners(&reference.coarse, wanted);
+    let Found { depths, device_s } = matcher.sweep(reference, neighbours, &corners, config)?;
+    let half = (1usize << reference.coarse_level) / 2;
+    let at = |c: usize| (c << reference.coarse_level) + half;
+    let found = corners.into_iter().zip(depths);
+    let found = found.filter_map(|((x, y), inverse)| Some(SparseDepth { x: at(x), y: at(y), inverse_depth: inverse? }));
+    Ok(Found { depths: found.collect(), device_s })
 }
 
 /// The unique best inverse depth of a pixel of the sweep's image that leads back to it, or `None` where there is none.
-pub(super) fn sweep(reference: &GreyView, neighbours: &[Neighbour<'_>], x: usize, y: usize, config: &DepthConfig) -> Option<f32> {
+pub(super) fn sweep_pixel(
+    reference: &GreyView,
+    neighbours: &[Neighbour<'_>],
+    x: usize,
+    y: usize,
+    config: &DepthConfig,
+) -> Option<f32> {
     let patch = Patch::new(&reference.coarse, x, y, RADIUS)?;
     let camera = &reference.coarse_camera;
     let (u, v) = (x as f32 + 0.5, y as f32 + 0.5);
@@ -87,15 +99,18 @@ pub(super) fn sweep(reference: &GreyView, neighbours: &[Neighbour<'_>], x: usize
 }
 
 /// Smallest inverse depth and step of the sweep, 1/m.
-fn range(config: &DepthConfig) -> (f32, f32) {
+pub(crate) fn range(config: &DepthConfig) -> (f32, f32) {
     let (far, near) = (1.0 / config.far_m, 1.0 / config.near_m);
     (far as f32, ((near - far) / (config.sweep_candidates - 1) as f64) as f32)
 }
 
-/// Halves the step five times around the best hypothesis, then a parabola.
+/// Times that the step is halved around the best hypothesis.
+pub(crate) const HALVINGS: usize = 5;
+
+/// Halves the step around the best hypothesis, then a parabola.
 fn refine(score: &impl Fn(f32) -> f32, start: f32, start_score: f32, step: f32, far: f32) -> (f32, f32) {
     let (mut center, mut best, mut step) = (start, start_score, step);
-    for _ in 0..5 {
+    for _ in 0..HALVINGS {
         step *= 0.5;
         for candidate in [center - step, center + step] {
             let s = if candidate > 0.5 * far { score(candidate) } else { f32::NAN };

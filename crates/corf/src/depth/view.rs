@@ -1,5 +1,6 @@
 //! A keyframe as matching sees it, and the warp between two of them.
 
+use super::held::HeldView;
 use super::patch::{GreyImage, Warp};
 use corf_scene::{Light, Pinhole, Raster, Rigid3};
 use glam::{DVec3, Mat2, Mat3, Vec2, Vec3};
@@ -25,6 +26,8 @@ pub struct GreyView {
     pub coarse_camera: Pinhole,
     /// `coarse` averages over 2^this blocks of `fine`.
     pub coarse_level: u32,
+    /// Its copy where it is matched, if there is one.
+    pub held: Option<HeldView>,
 }
 
 impl GreyView {
@@ -50,7 +53,7 @@ impl GreyView {
         });
         let fine = GreyImage::new(&fine).masked(mask.as_ref());
         let coarse = GreyImage::new(&coarse).masked(counts.as_ref());
-        Self { index, world_from_camera, fine, fine_camera: camera, coarse, coarse_camera, coarse_level }
+        Self { index, world_from_camera, fine, fine_camera: camera, coarse, coarse_camera, coarse_level, held: None }
     }
 }
 
@@ -76,6 +79,11 @@ impl<'a> Neighbour<'a> {
             translation: relative.translation.as_vec3(),
             baseline_m: relative.translation.length(),
         }
+    }
+
+    /// `R` and `t` of `p_neighbour = R p_reference + t`, metres.
+    pub fn neighbour_from_reference(&self) -> (Mat3, Vec3) {
+        (self.rotation, self.translation)
     }
 
     /// Warps reference position `(u, v)` of `from` at `inverse_depth` into `to`, a camera of the neighbour, as a patch parallel to the

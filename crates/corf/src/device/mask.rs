@@ -15,12 +15,12 @@ pub(super) fn mask_levels(view: &TrainingView, levels: u32) -> Option<Vec<Raster
 }
 
 /// Inverse depths with their confidences, row-major; where a pixel does not count, or has no finite value and positive confidence, both are 0.
-pub(super) fn usable_depths(view: &TrainingView) -> Option<Vec<(f32, f32)>> {
+pub(super) fn usable_depths(view: &TrainingView) -> Option<Vec<[f32; 2]>> {
     let depth = view.inverse_depth.as_ref()?;
     let usable = |(i, (value, confidence)): (usize, (&f32, &f32))| {
         let counts = view.mask.as_ref().is_none_or(|m| m.pixels()[i]);
         let known = value.is_finite() && confidence.is_finite() && *confidence > 0.0;
-        if counts && known { (*value, *confidence) } else { (0.0, 0.0) }
+        if counts && known { [*value, *confidence] } else { [0.0; 2] }
     };
     Some(depth.value.pixels().iter().zip(depth.confidence.pixels()).enumerate().map(usable).collect())
 }

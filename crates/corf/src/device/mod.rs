@@ -18,8 +18,9 @@ pub use state::{DeviceState, Outline};
 pub(crate) use survey::judge;
 pub use survey::{PruneDecision, PruneRule, Shown, Survey, SurveyRequest};
 
-use crate::{Error, Gaussians, Result};
+use crate::{Error, Gaussians, Result, depth::Matcher};
 use corf_scene::{Pinhole, Raster, Rigid3};
+use std::sync::Arc;
 
 /// Camera of a rendering: intrinsics and pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -187,6 +188,14 @@ pub trait Device: Send {
     /// Those of [`Self::upload`]; another device's view.
     fn upload_packed(&mut self, _view: PackedView) -> Result<ViewId> {
         Err(self.lacks("packed views", "give it the view itself, with Device::upload"))
+    }
+
+    /// What matches keyframes on this device, on any thread and beside training; `None` from a device that is the processor.
+    ///
+    /// # Errors
+    /// When the device cannot be opened once more.
+    fn matcher(&self) -> Result<Option<Arc<dyn Matcher>>> {
+        Ok(None)
     }
 
     /// Whether training keeps this machine's processor busy, so that work done ahead on the chance of being needed costs time.

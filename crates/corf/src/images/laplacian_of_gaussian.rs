@@ -37,6 +37,30 @@ pub(crate) fn kernel(sigma_px: f32) -> Vec<f32> {
     weights.iter().map(|v| v / total).collect()
 }
 
+/// `out = Σ_k weights[k]·row(k)`, added up in this order; rows are as long as `out`.
+#[inline(always)]
+fn weighted_sum<'r, L: Lanes>(out: &mut [f32], weights: &[f32], row: impl Fn(usize) -> &'r [f32]) {
+    /// Lanes whose sums stay in registers.
+    const AT_ONCE: usize = 4;
+    let block = AT_ONCE * L::WIDTH;
+    let whole = out.len() / block * block;
+    for at in (0..whole).step_by(block) {
+        let mut sums = [L::splat(0.0); AT_ONCE];
+        for (k, weight) in weights.iter().enumerate() {
+            let (weight, values) = (L::splat(*weight), &row(k)[at..at + block]);
+            for (j, sum) in sums.iter_mut().enumerate() {
+                *sum = *sum + weight * L::load(&values[j * L::WIDTH..]);
+            }
+        }
+        for (j, sum) in sums.into_iter().enumerate() {
+            sum.store(&mut out[at + j * L::WIDTH..]);
+        }
+    }
+    for (i, sum) in out.iter_mut().enumerate().skip(whole) {
+        *sum = weights.iter().enumerate().fold(0.0, |sum, (k, weight)| sum + weight * row(k)[i]);
+    }
+}
+
 /// Some rows of the probability.
 struct Strip<'a> {
     image: &'a Planes,
@@ -48,7 +72,7 @@ struct Strip<'a> {
 impl Kernel for Strip<'_> {
     type Output = ();
 
-    // Plain loops over slices, which the compiler widens to the instruction set.
+    // For the most part plain loops over slices, which the compiler widens to the instruction set.
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let (w, h, n) = (self.image.width, self.image.height, self.image.channels);
@@ -61,24 +85,16 @@ impl Kernel for Strip<'_> {
         // One pixel more on both sides.
         let mut smoothed = vec![0.0f32; smooth.len() * (stride + 2 * n)];
         for (y, out) in smooth.clone().zip(smoothed.chunks_exact_mut(stride + 2 * n)) {
-            let down = &mut padded[side..side + stride];
-            down.fill(0.0);
-            for (k, &weight) in self.weights.iter().enumerate() {
+            let row = |k: usize| {
                 let from = (y + k).saturating_sub(self.weights.len() / 2).min(h - 1) * stride;
-                for (sum, v) in down.iter_mut().zip(&self.image.pixels[from..from + stride]) {
-                    *sum += weight * v;
-                }
-            }
+                &self.image.pixels[from..from + stride]
+            };
+            weighted_sum::<L>(&mut padded[side..side + stride], self.weights, row);
             for i in 0..side {
                 padded[i] = padded[side + i % n];
                 padded[side + stride + i] = padded[stride + side - n + i % n];
             }
-            let along = &mut out[n..n + stride];
-            for (k, &weight) in self.weights.iter().enumerate() {
-                for (sum, v) in along.iter_mut().zip(&padded[k * n..k * n + stride]) {
-                    *sum += weight * v;
-                }
-            }
+            weighted_sum::<L>(&mut out[n..n + stride], self.weights, |k| &padded[k * n..k * n + stride]);
             for c in 0..n {
                 out[c] = out[n + c];
                 out[stride + n + c] = out[stride + c];

@@ -143,7 +143,7 @@ impl Reconstructor {
         };
         self.admit(&keyframe)?;
         let light = &*self.ahead.preparer().guide(&keyframe)?;
-        let view = self.ahead.preparer().view(&keyframe, light);
+        let view = self.ahead.preparer().view(&keyframe, light)?;
         self.ahead.with_past(|p| p.meet(&view));
         let mono = self.ahead.preparer().mono(&keyframe, light)?;
         let aligned =

@@ -2,10 +2,10 @@
 
 use super::{
     Past, Reconstructor,
-    prepare::{Prepared, acceptance, anchor_grid, inverse_depth},
+    prepare::{MatchingTime, Prepared, acceptance, anchor_grid, inverse_depth},
 };
 use crate::{
-    Coupling, Gaussians, ReconstructionConfig, Result, Sampling,
+    Coupling, Gaussians, Result, Sampling,
     depth::{self, PixelDepth, Reliability, SparseDepth},
     device::{PruneDecision, PruneRule, Shown, StepReport, Survey, SurveyRequest, View},
     expansion::{prune, spawn},
@@ -34,6 +34,8 @@ pub(super) struct Expansion {
     pub dropped: usize,
     /// The steps that were taken before the keyframe joined, if any were.
     pub late: Option<Late>,
+    /// Time of the keyframe's matching, before its expansion and in it.
+    pub matching: MatchingTime,
 }
 
 /// Steps that the keyframe before left to be taken during an expansion.
@@ -81,14 +83,24 @@ impl Reconstructor {
         let pixels: Vec<(usize, usize)> = keyframe.candidates.iter().copied().filter(|&at| drawn(at)).collect();
 
         // How far.
-        let mut samples = match keyframe.matched.take() {
+        let ahead = keyframe.matched.take();
+        let mut samples = match &ahead {
             Some(ahead) => among(ahead, &pixels),
             None => self.match_now(keyframe, seen, &pixels)?,
         };
         let dropped = pixels.len() - samples.len();
         let config = &self.config;
         if keyframe.mono.is_none() {
-            add_corners(&mut samples, keyframe, |at| chance(keyframe, at) > 0.0, config);
+            let corners = missing_corners(&samples, keyframe, |at| chance(keyframe, at) > 0.0);
+            let found = match &ahead {
+                Some(ahead) => among(ahead, &corners),
+                None => {
+                    let (found, time) = keyframe.match_pixels(self.ahead.preparer().matcher(), &corners, None, config)?;
+                    keyframe.matching += time;
+                    found
+                }
+            };
+            samples.extend(found.into_iter().map(|s| PixelDepth { reliability: Reliability::Triangulated, ..s }));
         }
 
         // Who makes room.
@@ -118,6 +130,7 @@ impl Reconstructor {
             prior_aligned: keyframe.aligned.is_some(),
             dropped,
             late: None,
+            matching: keyframe.matching,
         };
         Ok((Change { keep, new, samples }, expansion))
     }
@@ -129,12 +142,14 @@ impl Reconstructor {
             let anchors = rendered_anchors(seen, self.meta.light_camera, LEAST_COVERAGE);
             keyframe.aligned = depth::align(mono, &anchors, &self.config.depth);
             keyframe.training.inverse_depth = keyframe.aligned.as_ref().map(inverse_depth);
-            keyframe.correct(&self.config);
+            keyframe.correct(self.ahead.preparer().matcher(), &self.config)?;
         }
         let (preparer, config) = (self.ahead.preparer(), &self.config);
-        let matched = || keyframe.match_pixels(pixels, keyframe.aligned.as_ref(), config);
+        let matched = || keyframe.match_pixels(preparer.matcher(), pixels, keyframe.aligned.as_ref(), config);
         let (matched, packed) = rayon::join(matched, || preparer.pack_late(keyframe));
         keyframe.packed = packed?.or(keyframe.packed.take());
+        let (matched, time) = matched?;
+        keyframe.matching += time;
         Ok(matched)
     }
 
@@ -204,29 +219,22 @@ impl Seen {
 }
 
 /// Those samples whose pixels are among some, both row by row.
-fn among(mut samples: Vec<PixelDepth>, pixels: &[(usize, usize)]) -> Vec<PixelDepth> {
+fn among(samples: &[PixelDepth], pixels: &[(usize, usize)]) -> Vec<PixelDepth> {
     let place = |(x, y): (usize, usize)| (y, x);
     let mut wanted = pixels.iter().copied().map(place).peekable();
-    samples.retain(|s| {
+    let is_wanted = |s: &&PixelDepth| {
         let own = place((s.x, s.y));
         while wanted.next_if(|next| *next < own).is_some() {}
         wanted.peek() == Some(&own)
-    });
-    samples
+    };
+    samples.iter().filter(is_wanted).copied().collect()
 }
 
-/// Triangulated corners that are needed and were not drawn, refined at full resolution: without a prior few pixels find a depth, and none of
-/// these is left to chance.
-fn add_corners(
-    samples: &mut Vec<PixelDepth>,
-    keyframe: &Prepared,
-    wanted: impl Fn((usize, usize)) -> bool,
-    config: &ReconstructionConfig,
-) {
+/// Triangulated corners that are needed and were not drawn, row by row. They are refined at full resolution: without a prior few pixels find a depth,
+/// and none of these is left to chance.
+fn missing_corners(samples: &[PixelDepth], keyframe: &Prepared, wanted: impl Fn((usize, usize)) -> bool) -> Vec<(usize, usize)> {
     let drawn: BTreeSet<(usize, usize)> = samples.iter().map(|s| (s.x, s.y)).collect();
-    let corners = keyframe.anchors.iter().map(|a| (a.x, a.y)).filter(|&at| wanted(at) && !drawn.contains(&at));
-    let more = keyframe.match_pixels(&corners.collect::<Vec<_>>(), None, config);
-    samples.extend(more.into_iter().map(|s| PixelDepth { reliability: Reliability::Triangulated, ..s }));
+    keyframe.anchors.iter().map(|a| (a.x, a.y)).filter(|&at| wanted(at) && !drawn.contains(&at)).collect()
 }
 
 /// Well covered rendered depths on the grid.

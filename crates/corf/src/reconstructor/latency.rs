@@ -13,6 +13,13 @@ pub struct KeyframeTiming {
     /// Time of the steps of its preparation, seconds; part of the wait where that happens ahead.
     #[serde(default)]
     pub prepare_s: f64,
+    /// Time of matching it with its neighbours, seconds: a part of its preparation or, of what was not matched ahead, of its expansion. Where a
+    /// GPU matches, the time that was waited for it.
+    #[serde(default)]
+    pub match_s: f64,
+    /// Time of that by the GPU's own clock, seconds; 0 where the processor matches or the GPU keeps no time.
+    #[serde(default)]
+    pub match_device_s: f64,
     /// Time of its expansion (depths, new Gaussians, pruning), seconds.
     pub expand_s: f64,
     /// Time of its optimisation steps, seconds, without those of `late_s`.
@@ -71,6 +78,12 @@ pub struct LatencySummary {
     /// Preparation, within the wait.
     #[serde(default)]
     pub prepare: Percentiles,
+    /// Matching, within the preparation or the expansion.
+    #[serde(default, rename = "match")]
+    pub matching: Percentiles,
+    /// Matching by the GPU's own clock.
+    #[serde(default)]
+    pub match_device: Percentiles,
     /// Time of the expansion, seconds.
     pub expand: Percentiles,
     /// Time of the optimisation steps, seconds.
@@ -90,6 +103,8 @@ impl LatencySummary {
             total: Percentiles::of(timings.iter().map(KeyframeTiming::total_s)),
             wait: Percentiles::of(timings.iter().map(|t| t.wait_s)),
             prepare: Percentiles::of(timings.iter().map(|t| t.prepare_s)),
+            matching: Percentiles::of(timings.iter().map(|t| t.match_s)),
+            match_device: Percentiles::of(timings.iter().map(|t| t.match_device_s)),
             expand: Percentiles::of(timings.iter().map(|t| t.expand_s)),
             train: Percentiles::of(timings.iter().map(|t| t.train_s)),
             late: Percentiles::of(timings.iter().map(|t| t.late_s)),
@@ -109,6 +124,8 @@ mod tests {
                 index: i,
                 wait_s: 0.5,
                 prepare_s: 0.25,
+                match_s: 0.125,
+                match_device_s: 0.0625,
                 expand_s: 1.0,
                 train_s: i as f64,
                 late_s: 0.5,
@@ -118,6 +135,7 @@ mod tests {
         let s = LatencySummary::of(&timings).unwrap();
         assert_eq!((s.train.median_s, s.train.p90_s, s.train.p99_s), (100.0, 180.0, 198.0));
         assert_eq!((s.total.median_s, s.wait.p99_s, s.keyframes), (102.0, 0.5, 200));
+        assert_eq!((s.prepare.p90_s, s.matching.median_s, s.match_device.p99_s), (0.25, 0.125, 0.0625));
         assert!((s.keyframes_per_second - 200.0 / (200.0 + 20_100.0)).abs() < 1e-12);
         assert_eq!(LatencySummary::of(&timings[..1]).unwrap().total.p99_s, 202.0);
         assert!(LatencySummary::of(&[]).is_none());

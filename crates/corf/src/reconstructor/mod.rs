@@ -15,8 +15,8 @@ pub use report::KeyframeReport;
 
 use crate::{
     Device, Error, Field, FieldMeta, FieldRendering, Gaussians, Result,
-    config::{Coupling, ReconstructionConfig, SecondStageOpacity},
-    depth::{self, Correction, DepthQuality, DepthTally},
+    config::{Coupling, MatchedOn, ReconstructionConfig, SecondStageOpacity},
+    depth::{self, Correction, DepthQuality, DepthTally, ProcessorMatcher},
     device::{Step, StepReport},
     reconstructor::schedule::{Schedule, StageWeights},
 };
@@ -26,9 +26,10 @@ use corf_scene::{
     keyframe::{DbRange, Modalities},
 };
 use pipeline::KeyframePipeline;
-use prepare::Preparer;
+use prepare::{Means, Preparer};
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// The mean baseline of the world in which the published constants hold.
@@ -161,9 +162,11 @@ impl Reconstructor {
         }
         Self::check_cameras(&config, &light_camera, &radio_camera)?;
         let background = (!device.trains_on_the_host()).then(rayon::current_num_threads);
-        // Where steps are taken during an expansion, what it needs can wait for it.
-        let eager = background.is_some() && config.overlapped_iterations() == 0;
-        let preparer = Preparer::new(&config, &meta, seed, device.packer(), eager)?;
+        let matcher = if config.depth.matched_on == MatchedOn::Device { device.matcher()? } else { None };
+        // Where steps are taken during an expansion, what it needs of the processor can wait for it.
+        let eager = background.is_some() && (config.overlapped_iterations() == 0 || matcher.is_some());
+        let matcher = matcher.unwrap_or_else(|| Arc::new(ProcessorMatcher));
+        let preparer = Preparer::new(&config, &meta, seed, Means { packer: device.packer(), matcher, eager })?;
         Ok(Self {
             ahead: KeyframePipeline::new(preparer, prepare::Past::new(&config), background),
             schedule: Schedule::new(seed, config.radio_target.floor_color()),
@@ -295,6 +298,20 @@ impl Reconstructor {
         if collecting { 0 } else { self.ahead.waiting() }
     }
 
+    /// Whether [`Self::process`] would begin at once: a keyframe waits, and nothing of its preparation has to be waited for. Whoever has more to receive
+    /// meanwhile asks first.
+    pub fn is_ready(&mut self) -> bool {
+        self.waiting() > 0 && {
+            self.begin_associating();
+            self.ahead.is_ready()
+        }
+    }
+
+    /// The first keyframes are matched with each other.
+    fn begin_associating(&mut self) {
+        self.ahead.begin(self.config.bootstrap_keyframes.saturating_sub(self.past.len()));
+    }
+
     /// Expands the field with the earliest keyframe that waits and optimises it, while the next one is prepared. `None` where none waits.
     ///
     /// # Errors
@@ -303,8 +320,7 @@ impl Reconstructor {
         if self.waiting() == 0 {
             return Ok(None);
         }
-        // The first keyframes are matched with each other.
-        self.ahead.begin(self.config.bootstrap_keyframes.saturating_sub(self.past.len()));
+        self.begin_associating();
         let (Some(received), Some(prepared)) = (self.arrivals.front().copied(), self.ahead.take()?) else { return Ok(None) };
         self.arrivals.pop_front();
         let begin = Instant::now();
@@ -332,6 +348,8 @@ impl Reconstructor {
             index,
             wait_s: begin.saturating_duration_since(received).as_secs_f64(),
             prepare_s,
+            match_s: expansion.matching.waited_s,
+            match_device_s: expansion.matching.device_s,
             expand_s: (expanded - begin).as_secs_f64(),
             train_s: (trained - expanded).as_secs_f64(),
             late_s: 0.0,

@@ -70,6 +70,9 @@ impl Device for Wrapped {
     fn upload_packed(&mut self, view: PackedView) -> Result<ViewId> {
         self.inner.upload_packed(view)
     }
+    fn matcher(&self) -> Result<Option<std::sync::Arc<dyn crate::depth::Matcher>>> {
+        self.inner.matcher()
+    }
     fn trains_on_the_host(&self) -> bool {
         !self.eager
     }
@@ -167,6 +170,21 @@ fn what_is_prepared_ahead_changes_nothing() {
                 }
             }
             assert!(finish(&mut r) == truth, "eager {eager}, {ahead} ahead, {:?}", config.depth.prior);
+        }
+        // Whoever asks first whether a keyframe is ready gets the same, and is told that none is where none waits.
+        for eager in [false, true] {
+            let mut r = fresh(wrapped(&config, eager, usize::MAX), &config);
+            assert!(!r.is_ready());
+            for k in &frames {
+                r.receive(k.clone()).unwrap();
+            }
+            while r.waiting() > 0 {
+                while !r.is_ready() {
+                    std::thread::yield_now();
+                }
+                r.process().unwrap().unwrap();
+            }
+            assert!(!r.is_ready() && finish(&mut r) == truth, "eager {eager}, asked first");
         }
     }
 }

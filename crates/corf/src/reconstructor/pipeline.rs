@@ -137,6 +137,11 @@ impl KeyframePipeline {
         }
     }
 
+    /// Whether the earliest keyframe that waits can be taken without waiting for others' work on it.
+    pub fn is_ready(&self) -> bool {
+        self.waiting() > 0 && (self.shared.threads.is_none() || self.shared.lock().ready.contains_key(&self.taken))
+    }
+
     /// Takes the earliest keyframe, once it is prepared; `None` where none waits.
     ///
     /// # Errors
@@ -182,7 +187,7 @@ impl Shared {
         state.met = to_meet;
         let extracted = state.extracted.remove(&place);
         drop(state);
-        let associated = extracted.map(|extracted| extracted.map(|extracted| self.preparer.associate(&mut past, extracted)));
+        let associated = extracted.map(|extracted| extracted.and_then(|extracted| self.preparer.associate(&mut past, extracted)));
         let mut state = self.lock();
         state.past = Some(past);
         state.associated += 1;

@@ -5,7 +5,10 @@
 use crate::{
     Result, Sampling,
     config::ReconstructionConfig,
-    depth::{self, AlignedPrior, Correction, Dense, DepthPrior, GreyView, Neighbour, PixelDepth, Reliability, SparseDepth},
+    depth::{
+        self, AlignedPrior, Correction, Dense, DepthPrior, Found, GreyView, Matcher, Neighbour, PixelDepth, Reliability,
+        SparseDepth,
+    },
     device::{InverseDepth, PackedView, Packer, Planes, Shown, TrainingView},
     field::FieldMeta,
     images::laplacian_of_gaussian,
@@ -14,6 +17,7 @@ use crate::{
 use corf_scene::{Keyframe, Light, Pinhole, Raster, Rigid3};
 use std::borrow::Cow;
 use std::collections::VecDeque;
+use std::ops::AddAssign;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -25,6 +29,31 @@ const CORRECTED_BY: usize = 2500;
 
 /// Number of the latest keyframes kept for matching; older ones hardly overlap, and a 1600×900 keyframe is 6 MB of grey values.
 const MATCHING_WINDOW: usize = 32;
+
+/// Time of matching, seconds.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct MatchingTime {
+    /// From the question to the answer.
+    pub waited_s: f64,
+    /// By the clock of a device of its own.
+    pub device_s: f64,
+}
+
+impl AddAssign for MatchingTime {
+    fn add_assign(&mut self, more: Self) {
+        self.waited_s += more.waited_s;
+        self.device_s += more.device_s;
+    }
+}
+
+impl MatchingTime {
+    /// What was found, and what it took.
+    fn of<T>(find: impl FnOnce() -> Result<Found<T>>) -> Result<(Vec<T>, Self)> {
+        let begin = Instant::now();
+        let Found { depths, device_s } = find()?;
+        Ok((depths, Self { waited_s: begin.elapsed().as_secs_f64(), device_s }))
+    }
+}
 
 /// First stage of a keyframe's preparation: all that follows from the keyframe alone.
 pub(super) struct Extracted {
@@ -39,6 +68,7 @@ pub(super) struct Extracted {
     candidates: Vec<(usize, usize)>,
     truth_m: Option<Raster<f32>>,
     work_s: f64,
+    matching: MatchingTime,
 }
 
 /// Second stage of a keyframe's preparation: with its neighbours among the keyframes before it, and triangulated corners.
@@ -70,7 +100,7 @@ pub(super) struct Prepared {
     pub aligned: Option<AlignedPrior>,
     /// Local correction of the aligned prior, if one was tried and enough was matched.
     pub correction: Option<Correction>,
-    /// Depths of all candidates, if they were worth finding ahead.
+    /// Depths of all candidates and, without a dense prior, of triangulated corners, row by row, if they were worth finding ahead.
     pub matched: Option<Vec<PixelDepth>>,
     /// The training view, ready for upload.
     pub packed: Option<PackedView>,
@@ -80,43 +110,55 @@ pub(super) struct Prepared {
     pub typical_depth_m: f64,
     /// Seconds its preparation took.
     pub work_s: f64,
+    /// Time of its matching, before its expansion and in it.
+    pub matching: MatchingTime,
 }
 
 impl Prepared {
     /// Corrects the aligned prior by what some of the candidates match.
-    pub fn correct(&mut self, config: &ReconstructionConfig) {
-        let Some(aligned) = self.aligned.as_ref().filter(|_| config.depth.correction && !self.is_exact) else { return };
+    ///
+    /// # Errors
+    /// The matcher's.
+    pub fn correct(&mut self, matcher: &dyn Matcher, config: &ReconstructionConfig) -> Result<()> {
+        let Some(aligned) = self.aligned.as_ref().filter(|_| config.depth.correction && !self.is_exact) else { return Ok(()) };
         let stride = self.candidates.len().div_ceil(CORRECTED_BY).max(1);
         let some: Vec<(usize, usize)> = self.candidates.iter().copied().step_by(stride).collect();
-        let matches = self.match_pixels(&some, Some(aligned), config);
-        let Some(correction) = Correction::fit(aligned, &matches, &config.depth) else { return };
-        let corrected = correction.apply(aligned, &config.depth);
-        self.training.inverse_depth = Some(inverse_depth(&corrected));
-        (self.aligned, self.correction) = (Some(corrected), Some(correction));
+        let (matches, time) = self.match_pixels(matcher, &some, Some(aligned), config)?;
+        if let Some(correction) = Correction::fit(aligned, &matches, &config.depth) {
+            let corrected = correction.apply(aligned, &config.depth);
+            self.training.inverse_depth = Some(inverse_depth(&corrected));
+            (self.aligned, self.correction) = (Some(corrected), Some(correction));
+        }
+        self.matching += time;
+        Ok(())
     }
 
     /// Depths of pixels, in their order; those without one are left out.
+    ///
+    /// # Errors
+    /// The matcher's.
     pub fn match_pixels(
         &self,
+        matcher: &dyn Matcher,
         pixels: &[(usize, usize)],
         prior: Option<&AlignedPrior>,
         config: &ReconstructionConfig,
-    ) -> Vec<PixelDepth> {
+    ) -> Result<(Vec<PixelDepth>, MatchingTime)> {
         if let (Some(exact), true) = (prior, self.is_exact) {
             let depth = |&(x, y): &(usize, usize)| {
                 let inverse_depth = exact.inverse_depth.at(x, y);
                 PixelDepth { x, y, inverse_depth, reliability: Reliability::Accurate }
             };
-            return pixels.iter().map(depth).collect();
+            return Ok((pixels.iter().map(depth).collect(), MatchingTime::default()));
         }
         let neighbours: Vec<Neighbour<'_>> = self.neighbours.iter().map(|v| Neighbour::new(&self.reference, v)).collect();
-        match prior {
+        MatchingTime::of(|| match prior {
             Some(aligned) => {
                 let range = if self.correction.is_some() { config.depth.corrected_range } else { config.depth.match_range };
-                depth::match_guided(&self.reference, &neighbours, aligned, pixels, range, &config.depth)
+                depth::match_guided(matcher, &self.reference, &neighbours, aligned, pixels, range, &config.depth)
             }
-            None => depth::match_wide(&self.reference, &neighbours, pixels, &config.depth),
-        }
+            None => depth::match_wide(matcher, &self.reference, &neighbours, pixels, &config.depth),
+        })
     }
 }
 
@@ -148,6 +190,14 @@ impl Past {
     }
 }
 
+/// What keyframes are prepared with.
+pub(super) struct Means {
+    pub packer: Option<Packer>,
+    pub matcher: Arc<dyn Matcher>,
+    /// Whether candidates are matched that may not be needed, so that nothing waits for those that are.
+    pub eager: bool,
+}
+
 /// The steps.
 pub(super) struct Preparer {
     config: ReconstructionConfig,
@@ -155,14 +205,20 @@ pub(super) struct Preparer {
     seed: u64,
     prior: DepthPrior,
     packer: Option<Packer>,
-    /// Whether candidates are matched that may not be needed, so that nothing waits for those that are.
+    matcher: Arc<dyn Matcher>,
     eager: bool,
 }
 
 impl Preparer {
-    pub fn new(config: &ReconstructionConfig, meta: &FieldMeta, seed: u64, packer: Option<Packer>, eager: bool) -> Result<Self> {
+    pub fn new(config: &ReconstructionConfig, meta: &FieldMeta, seed: u64, means: Means) -> Result<Self> {
         let prior = DepthPrior::new(&config.depth, seed)?;
-        Ok(Self { config: config.clone(), meta: *meta, seed, prior, packer, eager })
+        let Means { packer, matcher, eager } = means;
+        Ok(Self { config: config.clone(), meta: *meta, seed, prior, packer, matcher, eager })
+    }
+
+    /// What matches keyframes.
+    pub fn matcher(&self) -> &dyn Matcher {
+        self.matcher.as_ref()
     }
 
     /// Refuses a keyframe that [`Self::extract`] could not look at.
@@ -184,8 +240,13 @@ impl Preparer {
     }
 
     /// The keyframe as matching sees it; `light` is its guide, here as below.
-    pub fn view(&self, keyframe: &Keyframe, light: &Light) -> Arc<GreyView> {
-        Arc::new(GreyView::of(keyframe.index, keyframe.world_from_camera, light, self.meta.light_camera))
+    ///
+    /// # Errors
+    /// The matcher's.
+    pub fn view(&self, keyframe: &Keyframe, light: &Light) -> Result<Arc<GreyView>> {
+        let mut view = GreyView::of(keyframe.index, keyframe.world_from_camera, light, self.meta.light_camera);
+        view.held = self.matcher.hold(&view)?;
+        Ok(Arc::new(view))
     }
 
     /// The keyframe's prior, as it comes, with holes where the keyframe's mask leaves pixels out.
@@ -225,8 +286,11 @@ impl Preparer {
         let least = self.config.least_probability;
         let mut probability = match sampling {
             Sampling::Uniform => Raster::filled(light.width, light.height, self.config.uniform_probability),
-            Sampling::Log => laplacian_of_gaussian::probability(&light, self.config.log_sigma_px).map(|p| p.max(least)),
+            Sampling::Log => laplacian_of_gaussian::probability(&light, self.config.log_sigma_px),
         };
+        if sampling == Sampling::Log {
+            probability.pixels_mut().iter_mut().for_each(|p| *p = p.max(least));
+        }
         if let Some(mask) = &guide.mask {
             let pixels = probability.pixels_mut().iter_mut().zip(mask.pixels());
             pixels.filter(|(_, counts)| !**counts).for_each(|(p, _)| *p = 0.0);
@@ -234,7 +298,7 @@ impl Preparer {
         let stage = stage::keyed(stage::SAMPLING, keyframe.index);
         let candidates = laplacian_of_gaussian::draw(&probability, |p| acceptance(&self.config, p, None), self.seed, stage);
         Ok(Extracted {
-            view: self.view(keyframe, guide),
+            view: self.view(keyframe, guide)?,
             index: keyframe.index,
             world_from_camera: keyframe.world_from_camera,
             light,
@@ -245,18 +309,22 @@ impl Preparer {
             candidates,
             truth_m: guide.depth_m.clone().filter(|_| self.prior.leaves_a_truth()),
             work_s: begin.elapsed().as_secs_f64(),
+            matching: MatchingTime::default(),
         })
     }
 
     /// Second step, one keyframe after the other: selects its neighbours among the views in `past` (which holds its own too) and
     /// triangulates corners with them.
-    pub fn associate(&self, past: &mut Past, mut extracted: Extracted) -> Associated {
+    ///
+    /// # Errors
+    /// The matcher's.
+    pub fn associate(&self, past: &mut Past, mut extracted: Extracted) -> Result<Associated> {
         let begin = Instant::now();
         let reference = &extracted.view;
         let others = past.views.iter().rev().filter(|v| v.index != extracted.index).map(AsRef::as_ref);
         let config = &self.config.depth;
         let neighbours = depth::select_neighbours(reference, others, past.typical_depth_m, config.neighbours);
-        let anchors = depth::triangulate(reference, &neighbours, config);
+        let (anchors, time) = MatchingTime::of(|| depth::triangulate(self.matcher(), reference, &neighbours, config))?;
         if !anchors.is_empty() {
             let mut inverse: Vec<f32> = anchors.iter().map(|a| a.inverse_depth).collect();
             inverse.sort_unstable_by(f32::total_cmp);
@@ -265,13 +333,14 @@ impl Preparer {
         let chosen: Vec<usize> = neighbours.iter().map(|n| n.view.index).collect();
         let neighbours = chosen.iter().filter_map(|&i| past.views.iter().find(|v| v.index == i)).cloned().collect();
         extracted.work_s += begin.elapsed().as_secs_f64();
-        Associated { extracted, neighbours, anchors, typical_depth_m: past.typical_depth_m }
+        extracted.matching += time;
+        Ok(Associated { extracted, neighbours, anchors, typical_depth_m: past.typical_depth_m })
     }
 
     /// All that can be known of a keyframe without the field.
     ///
     /// # Errors
-    /// A view the device would refuse.
+    /// A view the device would refuse; the matcher's.
     pub fn finalise(&self, associated: Associated) -> Result<Prepared> {
         let begin = Instant::now();
         let Associated { extracted, neighbours, anchors, typical_depth_m } = associated;
@@ -306,8 +375,9 @@ impl Preparer {
             truth_m: extracted.truth_m,
             typical_depth_m,
             work_s: 0.0,
+            matching: extracted.matching,
         };
-        prepared.correct(&self.config);
+        prepared.correct(self.matcher(), &self.config)?;
         // A prior that could not be aligned yet may be aligned to the field: then depths have to wait for it.
         if prepared.mono.is_none() || prepared.aligned.is_some() {
             if let Some(pack) = &self.packer {
@@ -316,7 +386,16 @@ impl Preparer {
             }
             // Uniform sampling needs them all.
             if self.eager || self.config.sampling == Sampling::Uniform {
-                prepared.matched = Some(prepared.match_pixels(&prepared.candidates, prepared.aligned.as_ref(), &self.config));
+                let mut pixels = Cow::Borrowed(&prepared.candidates);
+                if prepared.mono.is_none() {
+                    pixels.to_mut().extend(prepared.anchors.iter().map(|a| (a.x, a.y)));
+                    pixels.to_mut().sort_by_key(|&(x, y)| (y, x));
+                    pixels.to_mut().dedup();
+                }
+                let aligned = prepared.aligned.as_ref();
+                let (matched, time) = prepared.match_pixels(self.matcher(), &pixels, aligned, &self.config)?;
+                prepared.matched = Some(matched);
+                prepared.matching += time;
             }
         }
         prepared.work_s = extracted.work_s + begin.elapsed().as_secs_f64();

@@ -343,6 +343,9 @@ fn summary(info: &RunInfo) -> String {
     if info.resumed_steps > 0 {
         text += &format!("; {} came from a checkpoint", counted(info.resumed_steps, "step"));
     }
+    if let Some(processor_s) = info.processor_s {
+        text += &format!("; {processor_s:.1} s of processor time");
+    }
     for stage in &info.stages {
         text += &format!("\n  {:<10} {:>10.2} s", stage.name, stage.seconds);
     }
@@ -365,6 +368,8 @@ fn summary(info: &RunInfo) -> String {
             ("arrival to optimised", l.total),
             ("  wait", l.wait),
             ("    of it preparation", l.prepare),
+            ("      matching", l.matching),
+            ("      matching, by the GPU's clock", l.match_device),
             ("  expand", l.expand),
             ("  train", l.train),
             ("  late steps", l.late),

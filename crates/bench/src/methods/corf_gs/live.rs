@@ -91,6 +91,12 @@ impl CorfGs {
         };
         loop {
             live.receive(session)?;
+            // While a keyframe is prepared, those that land can be as well.
+            let has_room = live.reconstructor.waiting() < live.worth_receiving(session);
+            if live.reconstructor.waiting() > 0 && has_room && !session.is_over() && !live.reconstructor.is_ready() {
+                session.wait_briefly()?;
+                continue;
+            }
             if live.reconstructor.waiting() > 0 {
                 session.begin();
             }
@@ -132,10 +138,14 @@ struct Live {
 }
 
 impl Live {
+    /// Most keyframes that wait here: where later ones take the place of those that wait, one alone.
+    fn worth_receiving(&self, session: &Session) -> usize {
+        if session.drops() { 1 } else { self.reconstructor.worth_receiving() }
+    }
+
     /// Takes what is there, as far as it is worth it.
     fn receive(&mut self, session: &mut Session) -> Result<()> {
-        // Where later ones take the place of those that wait, none may wait here.
-        let most = if session.drops() { 1 } else { self.reconstructor.worth_receiving() };
+        let most = self.worth_receiving(session);
         while self.reconstructor.waiting() < most {
             let Some(Taken { keyframe, arrived, receipt }) = session.take()? else { break };
             match self.reconstructor.receive_at(keyframe, arrived) {

@@ -85,7 +85,7 @@ pub(crate) fn levels_of(view: &TrainingView, levels: u32) -> Result<Levels> {
     let radio_levels = radio_levels(view, levels as u32);
     let mut images = vec![[(view.light_camera, view.light.clone()), (view.radio_camera, view.radio.clone())]];
     let mut depth: Option<Vec<DepthTarget>> = usable_depths(view).map(|pairs| {
-        let (value, confidence) = pairs.into_iter().unzip();
+        let (value, confidence) = pairs.into_iter().map(<(f32, f32)>::from).unzip();
         vec![DepthTarget { width: view.light.width, height: view.light.height, value, confidence }]
     });
     while let Some(last) = images.last().filter(|_| images.len() < levels) {

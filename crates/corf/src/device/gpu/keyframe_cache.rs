@@ -21,7 +21,7 @@ pub(crate) struct Budget {
 }
 
 /// Share of a [`Budget`], given back when it is dropped.
-struct Lease {
+pub(super) struct Lease {
     budget: Arc<Budget>,
     bytes: u64,
 }
@@ -31,7 +31,8 @@ impl Budget {
         Arc::new(Self { most, taken: AtomicU64::new(0) })
     }
 
-    fn take(self: &Arc<Self>, bytes: u64) -> Option<Lease> {
+    /// A share, if there is one.
+    pub(super) fn take(self: &Arc<Self>, bytes: u64) -> Option<Lease> {
         let fits = |taken: u64| taken.checked_add(bytes).filter(|sum| *sum <= self.most);
         let taken = self.taken.fetch_update(Ordering::AcqRel, Ordering::Acquire, fits);
         taken.is_ok().then(|| Lease { budget: self.clone(), bytes })

@@ -15,6 +15,7 @@ mod dense;
 mod density;
 mod frame;
 mod keyframe_cache;
+mod matching;
 mod options;
 mod params;
 mod pyramid;
@@ -35,14 +36,15 @@ use super::{
     DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient,
     Step, StepReport, Survey, SurveyRequest, TrainingView, ViewId, check_channels,
 };
-use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result};
-use corf_gpu::{Context, Reading, Scratch};
+use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result, depth::Matcher};
+use corf_gpu::{AdapterOptions, Context, Reading, Scratch};
 use deformed::StandIns;
 use frame::{Forward, Memory};
 use keyframe_cache::{KeyframeCache, StoredView};
+use matching::GpuMatcher;
 use pyramid::Packed;
 use shaders::Fixed;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use store::Store;
 use survey::Surveyor;
 use train::{Batch, Counts};
@@ -82,6 +84,9 @@ pub struct GpuDevice {
     failed: Option<Error>,
     /// Steps that nobody has waited for.
     begun: Option<(Batch, Reading<u32>)>,
+    /// What matches keyframes, once that is asked for, and the adapter it is opened on.
+    matcher: OnceLock<Arc<GpuMatcher>>,
+    adapter: AdapterOptions,
     /// Last, for what is made of it to be dropped before.
     context: Arc<Context>,
 }
@@ -116,6 +121,8 @@ impl GpuDevice {
             dense_steps: 0,
             stand_ins: None,
             timing: context.timestamps,
+            matcher: OnceLock::new(),
+            adapter: options.adapter,
             context,
             optimizer,
             raster,
@@ -191,12 +198,24 @@ impl Device for GpuDevice {
         Ok(ViewId(self.keyframe_cache.push(view.unwrap_as().ok_or_else(foreign)?)))
     }
 
+    fn matcher(&self) -> Result<Option<Arc<dyn Matcher>>> {
+        let matcher = match self.matcher.get() {
+            Some(matcher) => matcher.clone(),
+            None => {
+                let made = Arc::new(GpuMatcher::new(&self.adapter, self.keyframe_cache.budget.clone())?);
+                self.matcher.get_or_init(|| made).clone()
+            }
+        };
+        Ok(Some(matcher))
+    }
+
     fn trains_on_the_host(&self) -> bool {
         self.is_software()
     }
 
     fn memory_bytes(&self) -> Option<u64> {
-        self.context.device.generate_allocator_report().map(|r| r.total_allocated_bytes)
+        let matching = self.matcher.get().map_or(Some(0), |matcher| matcher.memory_bytes())?;
+        self.context.device.generate_allocator_report().map(|r| r.total_allocated_bytes + matching)
     }
 
     fn outlines(&mut self) -> Result<Vec<Outline>> {

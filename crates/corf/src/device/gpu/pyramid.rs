@@ -16,9 +16,10 @@ use crate::{
         },
         mask::{mask_levels, usable_depths},
     },
+    simd::{Isa, Kernel, Lanes},
 };
 use corf_scene::Raster;
-use half::f16;
+use half::{f16, slice::HalfFloatSliceExt};
 
 /// Deepest level whose sums of bytes fit into 16 bits.
 const DEEPEST_SUMS: u32 = 4;
@@ -74,13 +75,46 @@ struct Image {
     numbers: Numbers,
 }
 
-/// `[pixel][channel]` as one plane a channel, each value made another.
-fn planar<T: Copy + Default>(image: &Planes, of: impl Fn(f32) -> T) -> Vec<T> {
+/// The bytes of an image of bytes over 255, one plane a channel; `None` of another image.
+struct Bytes<'a>(&'a Planes);
+
+impl Kernel for Bytes<'_> {
+    type Output = Option<Vec<u8>>;
+
+    // Plain loops over slices, which the compiler widens to the instruction set.
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> Self::Output {
+        /// Pixels at a time: their bytes stay in the first cache until they lie in their planes.
+        const PIXELS: usize = 256;
+        let (pixels, n) = (self.0.width * self.0.height, self.0.channels);
+        let mut out = vec![0; n * pixels];
+        let mut bytes = vec![0_u8; n * PIXELS];
+        for (k, values) in self.0.pixels.chunks(n * PIXELS).enumerate() {
+            let bytes = &mut bytes[..values.len()];
+            let mut are_bytes = true;
+            for (b, v) in bytes.iter_mut().zip(values) {
+                *b = byte(*v);
+                are_bytes &= f32::from(*b) / 255.0 == *v;
+            }
+            if !are_bytes {
+                return None;
+            }
+            for (c, plane) in out.chunks_exact_mut(pixels.max(1)).enumerate() {
+                let plane = &mut plane[k * PIXELS..][..values.len() / n];
+                plane.iter_mut().zip(bytes.iter().skip(c).step_by(n)).for_each(|(to, from)| *to = *from);
+            }
+        }
+        Some(out)
+    }
+}
+
+/// `[pixel][channel]` as one plane a channel.
+fn planar(image: &Planes) -> Vec<f32> {
     let (pixels, n) = (image.width * image.height, image.channels);
-    let mut out = vec![T::default(); n * pixels];
+    let mut out = vec![0.0; n * pixels];
     for (c, plane) in out.chunks_exact_mut(pixels.max(1)).enumerate() {
         for (value, pixel) in plane.iter_mut().zip(image.pixels.chunks_exact(n)) {
-            *value = of(pixel[c]);
+            *value = pixel[c];
         }
     }
     out
@@ -107,10 +141,9 @@ fn halve<T: Copy, U>(planes: &[T], width: usize, height: usize, of: impl Fn([T; 
 impl Image {
     /// An image as bytes, if every value is a byte's; otherwise as floats.
     fn new(image: &Planes) -> Self {
-        let from_bytes = image.pixels.iter().all(|&v| f32::from(byte(v)) / 255.0 == v);
-        let numbers = match from_bytes {
-            true => Numbers::Bytes(planar(image, byte)),
-            false => Numbers::Floats(planar(image, |v| v)),
+        let numbers = match Isa::detect().dispatch(Bytes(image)) {
+            Some(bytes) => Numbers::Bytes(bytes),
+            None => Numbers::Floats(planar(image)),
         };
         Self { level: 0, width: image.width, height: image.height, channels: image.channels, numbers }
     }
@@ -170,8 +203,7 @@ struct Depths {
 
 impl Depths {
     fn new(view: &TrainingView) -> Option<Self> {
-        let pairs = usable_depths(view)?.into_iter().map(<[f32; 2]>::from);
-        Some(Self { width: view.light.width, height: view.light.height, pairs: pairs.collect() })
+        Some(Self { width: view.light.width, height: view.light.height, pairs: usable_depths(view)? })
     }
 
     /// The next level: means weighted by confidences, and the means of those.
@@ -190,8 +222,16 @@ impl Depths {
     /// Adds them to a keyframe's words; returns their place.
     fn put(&self, words: &mut Vec<u32>) -> u32 {
         let at = words.len() as u32;
-        let bits = |v: f32| u32::from(f16::from_f32(v.clamp(-LARGEST_HALF, LARGEST_HALF)).to_bits());
-        words.extend(self.pairs.iter().map(|[value, confidence]| bits(*value) | bits(*confidence) << 16));
+        /// Numbers at a time, for which the instruction set is asked about once.
+        const AT_ONCE: usize = 256;
+        let (mut floats, mut halves) = ([0.0; AT_ONCE], [f16::ZERO; AT_ONCE]);
+        for some in self.pairs.as_flattened().chunks(AT_ONCE) {
+            let (floats, halves) = (&mut floats[..some.len()], &mut halves[..some.len()]);
+            floats.iter_mut().zip(some).for_each(|(to, from)| *to = from.clamp(-LARGEST_HALF, LARGEST_HALF));
+            halves.convert_from_f32_slice(floats);
+            let pairs = halves.as_chunks::<2>().0.iter();
+            words.extend(pairs.map(|[value, confidence]| u32::from(value.to_bits()) | u32::from(confidence.to_bits()) << 16));
+        }
         at
     }
 }
@@ -213,7 +253,8 @@ impl Packed {
         let mut of_radio = Target::default();
         let masks = mask_levels(view, levels);
         let mut depths = Depths::new(view);
-        let mut words = vec![];
+        // About what they take: growing would copy them.
+        let mut words = Vec::with_capacity(3 * view.light.width * view.light.height + 2 * view.radio.pixels.len());
         let mut out = vec![];
         for level in 0..levels {
             let has_radio = (level as usize) < radio_levels;
