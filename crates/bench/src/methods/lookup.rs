@@ -54,7 +54,14 @@ pub const INVERSE_DISTANCE: Family = Family {
     schema: || schema_for!(LookupConfig),
     inlined: &[],
     raster: None,
-    can: Abilities { online: false, follows: false, begins_with_gaussians: false, emitters: false, on_processor: true, looks_up: true },
+    can: Abilities {
+        online: false,
+        follows: false,
+        begins_with_gaussians: false,
+        emitters: false,
+        on_processor: true,
+        looks_up: true,
+    },
 };
 
 /// A method of [`NEAREST`] or [`INVERSE_DISTANCE`].

@@ -30,7 +30,13 @@ pub(super) fn svg(results: &Results, metrics: &[&Column]) -> Result<String> {
         });
         let ends: Vec<f64> = ends.collect();
         if ends.is_empty() {
-            svg.text((14.0, PART * at as f64 + 30.0), &format!("{}: no cell is finished", metric.heading), 14.0, INK, Anchor::Start);
+            svg.text(
+                (14.0, PART * at as f64 + 30.0),
+                &format!("{}: no cell is finished", metric.heading),
+                14.0,
+                INK,
+                Anchor::Start,
+            );
             continue;
         }
         let (low, high) = extent(ends.into_iter());

@@ -77,11 +77,13 @@ fn one(steps: &[Step], (at, metric): (usize, &'static Column), row: &StepRow, ov
         Some(of(&row.row)? - copied?.into_iter().fold(f64::NEG_INFINITY, f64::max))
     };
     let of_seed = |seed: u64| {
-        let points: Option<Vec<(f64, f64)>> = steps.iter().map(|step| Some((step.nearest_training_m, ahead(step, seed)?))).collect();
+        let points: Option<Vec<(f64, f64)>> =
+            steps.iter().map(|step| Some((step.nearest_training_m, ahead(step, seed)?))).collect();
         SeedPlace { seed, place: points.map_or(Place::Unknown, |points| place(&points)) }
     };
     let seeds: Vec<SeedPlace> = row.seeds.iter().map(|s| of_seed(s.seed)).collect();
-    let places: Option<Vec<f64>> = seeds.iter().map(|s| if let Place::At { distance_m } = s.place { Some(distance_m) } else { None }).collect();
+    let places: Option<Vec<f64>> =
+        seeds.iter().map(|s| if let Place::At { distance_m } = s.place { Some(distance_m) } else { None }).collect();
     let distance_m = places.and_then(|places| summarize(&places));
     let said = said(steps, &seeds, distance_m);
     Overtaking { metric: metric.key, row: row.row.clone(), over: over.to_owned(), seeds, distance_m, said }
@@ -125,7 +127,9 @@ fn said(steps: &[Step], seeds: &[SeedPlace], distance_m: Option<Summary>) -> Str
             if !at.is_empty() {
                 parts.push(format!("overtakes at {} in {} of {n} seeds", at.join(", "), at.len()));
             }
-            for (count, what) in [(always, "is ahead at every step"), (never, "does not overtake"), (unknown, "lacks a finished step")] {
+            for (count, what) in
+                [(always, "is ahead at every step"), (never, "does not overtake"), (unknown, "lacks a finished step")]
+            {
                 if count > 0 {
                     parts.push(format!("{what} in {count} of {n} seeds"));
                 }
