@@ -101,7 +101,7 @@ fn networks_have_a_curve_as_well_and_keep_their_bytes() {
     let folder = tempfile::tempdir().unwrap();
     for (method, files, settings) in [
         ("nerf2", &["nerf2"][..], &["iterations=3", "width=16", "rays=4", "samples=8"][..]),
-        ("wrf-gs-plus", &["wrf-gs-plus"], &["iterations=12"]),
+        ("wrf-gs-plus", &["wrf-gs-plus"], &["iterations=6", "random_points=300", "width=32"]),
     ] {
         let run = |name: &str, more: &[&str]| {
             let out = folder.path().join(format!("{method}-{name}"));
