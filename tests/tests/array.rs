@@ -41,6 +41,19 @@ fn beams_capons_spectra_and_lobes_go_the_whole_way() {
         assert!(fs::read(broken.join("array")).unwrap() == field, "{name}: not the field of the run that was not interrupted");
         assert!(fs::read(whole.join("coupled.ply")).unwrap() == fs::read(broken.join("coupled.ply")).unwrap());
 
+        // Looked at while it works, it is the same.
+        if name == "lobes" {
+            let watched = place("watched");
+            corf_ok(&[&common[..], &["--evaluate-every", "2", "--out", text(&watched)]].concat());
+            for file in ["array", "coupled.ply"] {
+                assert!(fs::read(watched.join(file)).unwrap() == fs::read(whole.join(file)).unwrap(), "{file} differs");
+            }
+            let run: serde_json::Value = serde_json::from_slice(&fs::read(watched.join("run.json")).unwrap()).unwrap();
+            let held_out =
+                |point: &&serde_json::Value| point["held_out"]["psnr_rf_scalar"].as_f64().is_some_and(|psnr| psnr > 0.0);
+            assert!(run["curve"].as_array().unwrap().iter().filter(held_out).count() >= 3, "{}", run["curve"]);
+        }
+
         let metrics: serde_json::Value = serde_json::from_str(&corf_ok(&["evaluate", text(&whole), "--json"])).unwrap();
         let mean = |key: &str| metrics["means"][key].as_f64().unwrap();
         assert!(mean("psnr_opt") > 3.0 && mean("psnr_rf_jet") > 6.0 && mean("rmse_db") > 0.0);

@@ -282,3 +282,26 @@ fn an_open_body_is_warned_of_and_refused_where_asked() {
     assert!(said.contains("\"crate\"") && !said.contains("\"screen\""), "{said}");
     assert_eq!(corf(&["scene", "validate", "--strict", text(&scene)]).status.code(), Some(1));
 }
+
+#[test]
+fn names_of_outputs_say_what_is_written_and_a_tables_key_is_no_value() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let refused = |arguments: &[&str], out: &str, words: &[&str]| {
+        corf_refuses(&[arguments, &["--out", text(&at(out))]].concat(), words);
+        assert!(fs::read_dir(folder.path()).unwrap().next().is_none(), "{arguments:?} wrote something");
+    };
+    let paths = ["paths", "scenes/room.toml", "--rx", "1.5,1.5,1.2"];
+    refused(&paths, ".csv", &["ending without a name", "NAME.csv"]);
+    refused(&paths, ".json", &["ending without a name"]);
+    refused(&paths, "links.xlsx", &["links.xlsx", "ending", ".csv", "--format"]);
+    let spectrum = ["spectrum", "scenes/room.toml", "--rx", "1.5,1.5,1.2", "--no-diffuse"];
+    refused(&spectrum, "spectrum.exr", &["spectrum.exr", "folder", "without the ending .exr"]);
+    refused(&["scene", "build", "lobby"], "lobby.obj", &["binary glTF", "NAME.glb"]);
+    refused(&["dataset", "generate", "scenes/room-tiny.toml"], "data.npz", &["data.npz", "folder"]);
+    let generate = ["dataset", "generate", "scenes/room-tiny.toml", "--set"];
+    refused(&[&generate[..], &["optical=4"]].concat(), "data", &["optical is a table", "help: ", "effort", "width"]);
+    let reconstruct = ["reconstruct", text(tiny_dataset()), "--set", "optimizer=fast"];
+    refused(&reconstruct, "run", &["optimizer is a table", "ssim_weight"]);
+    refused(&["reconstruct", text(tiny_dataset()), "--seed", "-5"], "run", &["invalid value '-5' for '--seed"]);
+}

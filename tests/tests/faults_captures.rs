@@ -397,7 +397,7 @@ fn transparency_is_seen_in_every_layout() {
     plain(&at("opaque"), |pose| json!(pose.to_rows()));
     fs::write(at("masks/1.png"), io::encode_mask(&Raster::filled(SIZE[0], SIZE[1], true)).unwrap()).unwrap();
     let (_, said) = import(&at("opaque"), "corf-folder", &["--masks", text(&at("masks"))], &at("white"));
-    assert!(said.contains("leave no pixel out"), "{said}");
+    assert!(said.contains("1 mask leaves no pixel out"), "{said}");
     // A channel that is opaque everywhere makes no mask.
     let opaque = io::encode_cut_out(&picture(0), &Raster::filled(SIZE[0], SIZE[1], true)).unwrap();
     fs::write(at("opaque/images/0.png"), opaque).unwrap();

@@ -392,3 +392,36 @@ fn records_hold_numbers_and_tables_hold_text() {
     fs::write(&cell, &sound).unwrap();
     corf_ok(&["bench", "report", text(&out)]);
 }
+
+/// The transmitter in one room of metal, the way through another.
+#[test]
+fn a_data_set_that_hears_nothing_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let mut obj = String::from("mtllib two.mtl\nusemtl metal\n");
+    for (room, x) in [0.0, 10.0].into_iter().enumerate() {
+        obj += &format!("o room{room}\n");
+        for i in 0..8 {
+            let corner = |axis: usize, most: f64| if i >> axis & 1 == 1 { most } else { 0.0 };
+            obj += &format!("v {} {} {}\n", x + corner(0, 4.0), corner(1, 4.0), corner(2, 2.6));
+        }
+        // Faces look into the room.
+        for quad in [[2, 6, 4, 0], [5, 7, 3, 1], [4, 5, 1, 0], [3, 7, 6, 2], [1, 3, 2, 0], [6, 7, 5, 4]] {
+            obj += &format!("f {}\n", quad.map(|corner: usize| (8 * room + corner + 1).to_string()).join(" "));
+        }
+    }
+    fs::write(at("two.obj"), obj).unwrap();
+    fs::write(at("two.mtl"), "newmtl metal\nKd 0.5 0.5 0.5\n").unwrap();
+    let scene = "[scene]\nfile = \"two.obj\"\n[transmitter]\nposition_m = [2, 2, 2]\n[trajectory]\nheight_m = 1.5\n\
+                 waypoints_m = [[11, 1], [13, 1], [13, 3], [11, 3]]\n[radio_materials.metal]\nitu = \"metal\"\nthickness_m = 0.01\n";
+    fs::write(at("two.toml"), scene).unwrap();
+    let config = "name = \"silent\"\nscene = \"two.toml\"\nkeyframes = 2\nseed = 1\n[optical]\nwidth = 32\nheight = 18\nmethod = \"path\"\n\
+                  samples_per_pixel = 1\nmax_bounces = 1\n[rf]\nwidth = 24\nheight = 16\n";
+    fs::write(at("silent.toml"), config).unwrap();
+    fs::create_dir(at("mine")).unwrap();
+    for out in ["new", "mine"] {
+        let arguments = ["dataset", "generate", text(&at("silent.toml")), "--out", text(&at(out))];
+        corf_refuses(&arguments, &["no keyframe received any power", "nothing was kept"]);
+    }
+    assert!(!at("new").exists() && fs::read_dir(at("mine")).unwrap().next().is_none());
+}

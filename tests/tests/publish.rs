@@ -85,6 +85,16 @@ fn what_only_its_maker_knows_has_to_be_said() {
     let card = fs::read_to_string(out.join("README.md")).unwrap();
     assert!(card.contains("**Limits.** Not stated.") && card.contains("![Images](contact-sheet.png)"), "{card}");
     assert!(!["pectr", "room", "GHz", "radio", "OpenEXR"].iter().any(|word| card.contains(word)), "{card}");
+    // Spectra alone.
+    let (radio, of_radio) = (folder.path().join("radio"), folder.path().join("of radio"));
+    let (images, spectra) = (tiny_dataset().join("optical"), tiny_dataset().join("rf/spectra"));
+    let import =
+        ["dataset", "import", text(&images), "--from", "colmap", "--no-images", "--rf", text(&spectra), "--rf-camera", "90"];
+    corf_ok(&[&import[..], &["--out", text(&radio)]].concat());
+    corf_ok(&[&["dataset", "publish", text(&radio), "--out", text(&of_radio)], &SAID[..], &words].concat());
+    let card = fs::read_to_string(of_radio.join("README.md")).unwrap();
+    assert!(card.contains("![Spectra](contact-sheet.png)") && card.contains("keyframes[0][\"spectrum\"]"), "{card}");
+    assert!(!["[\"image\"]", "image-to-3d", "room", "depth"].iter().any(|word| card.contains(word)), "{card}");
     // A file that is another than the recorded one is not published.
     let damaged = folder.path().join("damaged");
     copy_folder(tiny_dataset(), &damaged);

@@ -109,8 +109,8 @@ impl PoseFile {
         if rounded > 0 {
             let (off, i) = worst;
             note!(
-                "{place}: rotations of {rounded} of {} are rounded: that of pose {i} is {off:.1e} off one; the nearest were taken",
-                counted(poses.len(), "pose")
+                "{place}: rotations of {rounded} of {} poses are rounded: that of pose {i} is {off:.1e} off one; the nearest were taken",
+                poses.len()
             );
         }
         Ok(Self { path: path.to_owned(), poses, is_ours, sha256: io::sha256_hex(&io::read(path)?) })

@@ -146,7 +146,7 @@ fn tabular(short: &Short<'_>, spec: &str, headings: &[String], write: impl Fn(&C
     let note = short.note.replace(char::is_control, " ");
     let _ = write!(
         out,
-        "\\end{{tabular}}\n% Bold: the best of its column as printed, and differences to the first row whose interval excludes zero. {note}\n"
+        "\\end{{tabular}}\n% Bold: the best of its column, and differences to the first row whose interval excludes zero. {note}\n"
     );
     out
 }
