@@ -108,10 +108,9 @@ fn pauses_do_not_matter_and_the_run_is_one_like_any_other() {
             ["waited_for_others_ms", "match_ms", "match_device_ms"].map(|k| line[k].as_f64().unwrap());
         assert!((0.0..=1e3 * (began - arrived) + 1e-6).contains(&others) && matching > 0.0 && on_gpu == 0.0, "{line}");
     }
-    // All at once: they wait for one another, and it is said which of their waits is the longer.
+    // All at once: they wait for one another.
     let median = |part: &str| live[part]["median_s"].as_f64().unwrap();
     assert!(median("waited_for_others") > median("waited_for_preparation"), "{live}");
-    assert!(stderr.contains("P99") && stderr.contains("expansion and training are too slow"), "{stderr}");
 
     // The keyframes are a data set now, from which an ordinary reconstruction makes the same field.
     let dataset = at("slow-run").join("dataset");

@@ -361,3 +361,30 @@ impl Log {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_that_fell_behind_says_what_was_too_slow() {
+        let summary = |fell_behind: bool, others_s: f64, preparation_s: f64| {
+            let waits = |s: f64| json!({ "median_s": s, "p90_s": s, "p99_s": 2.0 * s });
+            let record: LiveRecord = serde_json::from_value(json!({
+                "folder": "live", "when_behind": "queue", "ended_by": "marker", "arrived": 5, "trained": 5, "held_out": 0,
+                "dropped": [], "refused": [], "longest_queue": 5, "latency": waits(0.5), "waited_for_others": waits(others_s),
+                "waited_for_preparation": waits(preparation_s), "fell_behind": fell_behind,
+                "depth": { "files": 0, "network": 0, "matching": 5 },
+            }))
+            .unwrap();
+            record.summary()
+        };
+        let (training, preparation) = ("expansion and training are too slow", "reading and preparation are too slow");
+        let text = summary(true, 0.25, 0.125);
+        assert!(text.contains("median 500 ms, P90 500 ms, P99 1000 ms") && text.contains(training), "{text}");
+        assert!(text.contains("waited 250 and 500 ms for keyframes before them, 125 and 250 ms for being read"), "{text}");
+        assert!(summary(true, 0.1, 0.2).contains(preparation));
+        let kept_up = summary(false, 0.25, 0.125);
+        assert!(!kept_up.contains(training) && !kept_up.contains(preparation), "{kept_up}");
+    }
+}
