@@ -260,14 +260,19 @@ fn patterns_of_files_are_those_that_they_were_sampled_from() {
     assert!(off_db.iter().all(|d| *d < 1.2) && off_db[0] < 0.01, "{off_db:?}");
 
     // An array of such elements: the method that knows its array knows them as well, from the data set's own record.
-    let scene = room(folder, "array", false, place);
-    let body = fs::read_to_string(&scene).unwrap() + "[receiver]\npattern = { file = \"sector.csv\" }\n";
-    fs::write(&scene, body).unwrap();
+    let lobby = fs::read_to_string(root().join("scenes/lobby.toml")).unwrap();
+    let mesh = root().join("scenes/lobby.glb").canonicalize().unwrap();
+    let lit = lobby.replace("\"lobby.glb\"", &format!("{mesh:?}")).replace(
+        "spacing_wavelengths = 0.5\npattern = \"iso\"",
+        "spacing_wavelengths = 0.5\npattern = { file = \"sector.csv\" }",
+    );
+    assert!(lit.contains("sector.csv") && lit.contains(text(&mesh)));
+    fs::write(folder.join("array.toml"), lit).unwrap();
     let config = folder.join("set.toml");
     fs::write(
         &config,
-        "name = \"sectors\"\nscene = \"array.toml\"\nkeyframes = 6\n[optical]\nwidth = 32\nheight = 18\nmethod = \"path\"\nsamples_per_pixel = 2\n\
-         [rf]\nwidth = 24\nheight = 16\ndiffuse = false\nspectrum = \"bartlett\"\n",
+        "name = \"sectors\"\nscene = \"array.toml\"\nkeyframes = 8\n[optical]\nwidth = 96\nheight = 54\nmethod = \"path\"\nsamples_per_pixel = 2\n\
+         [rf]\nwidth = 48\nheight = 32\ndiffuse = false\nspectrum = \"bartlett\"\n",
     )
     .unwrap();
     let (data, run) = (folder.join("data"), folder.join("run"));

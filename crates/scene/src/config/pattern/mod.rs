@@ -31,13 +31,17 @@ pub enum AntennaPattern {
     Sampled(Sampled),
 }
 
-/// The names of what is built in.
+/// An antenna element's pattern, in its own frame (boresight +x, zenith +z). Beside these names `{ file = "PATTERN.csv" }`: gain over angles, with
+/// `outside_db` and `normalize` (docs/radio-model.md, Patterns from files).
 #[derive(JsonSchema)]
 #[serde(rename_all = "lowercase")]
 #[allow(dead_code)]
 enum BuiltIn {
+    /// Isotropic: C_θ = 1.
     Iso,
+    /// Short dipole along z: √1.5·|sinθ|.
     Dipole,
+    /// 3GPP TR 38.901, Table 7.3-1.
     Tr38901,
 }
 
