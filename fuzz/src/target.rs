@@ -295,7 +295,7 @@ fn predictions(bytes: &[u8], folder: &Path) -> Result<()> {
     put(&predicted.join("images"), "00001.png", image)?;
     put(&predicted.join("linear"), "00001.npy", spectrum)?;
     let dataset = Dataset::open(&data)?;
-    let split = Split::of(&dataset, Protocol::Test)?;
+    let split = Split::of(&dataset, Protocol::TEST)?;
     let opened = PredictionFolder::open(&predicted, &dataset, &split)?;
     for &index in split.held_out.iter().take(2) {
         let read = opened.read(index, &dataset, &mut Tally::default())?;

@@ -420,8 +420,11 @@ fn a_data_set_that_hears_nothing_leaves_nothing_behind() {
     fs::write(at("silent.toml"), config).unwrap();
     fs::create_dir(at("mine")).unwrap();
     for out in ["new", "mine"] {
-        let arguments = ["dataset", "generate", text(&at("silent.toml")), "--out", text(&at(out))];
-        corf_refuses(&arguments, &["no keyframe received any power", "nothing was kept"]);
+        let (config, out) = (at("silent.toml"), at(out));
+        corf_refuses(
+            &["dataset", "generate", text(&config), "--out", text(&out)],
+            &["no keyframe received any power", "nothing was kept"],
+        );
     }
     assert!(!at("new").exists() && fs::read_dir(at("mine")).unwrap().next().is_none());
 }

@@ -11,6 +11,7 @@ pub struct Cells<'a> {
 }
 
 /// What became of them.
+#[expect(clippy::large_enum_variant, reason = "one for each row of a table")]
 pub enum Together<'a> {
     /// All are finished: the held-out keyframes of all, in the order of the trajectory; seconds and Gaussians are means over the folds, memory is the
     /// largest, and the curve is that of the first.
