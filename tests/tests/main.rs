@@ -10,6 +10,7 @@ mod array;
 mod bad_input;
 #[cfg(all(unix, feature = "slow"))]
 mod baselines;
+mod blocks;
 #[cfg(feature = "slow")]
 mod cells;
 mod denoiser;

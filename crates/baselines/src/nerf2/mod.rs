@@ -22,5 +22,5 @@ pub use cpu::CpuTrainer;
 #[cfg(feature = "gpu")]
 pub use gpu::GpuTrainer;
 pub use model::Model;
-pub use rays::{Batch, Ray, TrainingRays};
+pub use rays::{Batch, Ray, Sight, TrainingRays};
 pub use trainer::{Field, Trainer};
