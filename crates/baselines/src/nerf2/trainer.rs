@@ -1,11 +1,11 @@
 //! Interface of what trains a field and predicts spectra, on either device; and the field on disk.
 
 use super::rays::{distances, view_rays};
-use super::{Batch, Model, Nerf2Config, Ray};
+use super::{Batch, Model, Nerf2Config, Ray, Sight};
 use crate::mlp::Trained;
 use corf::files::tensors::{self, Kind, Tensor, Tensors};
 use corf::{Error, Result};
-use corf_scene::{Pinhole, Raster, Rigid3};
+use corf_scene::{Raster, Rigid3};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -20,6 +20,7 @@ mod conventions;
 mod darkness;
 mod export;
 mod file;
+mod fixed_array;
 mod foreign;
 mod header;
 mod identity;
@@ -32,6 +33,7 @@ mod writer;
 
 pub use conventions::{Conventions, EQUIRECTANGULAR_AXES};
 pub use export::ColoredPoint;
+pub use fixed_array::{FIXED_ARRAY_SCHEMA, FixedArray, ImportedArray, import_fixed_array};
 pub(crate) use export::{Besides, transforms_json};
 pub use header::{DATASET_SCHEMA, DatasetHeader, Imported, MaterialRecord, Quantity, SamplingError, StatedSplit, Summary};
 pub use identity::check_finished;
