@@ -54,7 +54,8 @@ fn blocks_are_held_out_in_folds_and_the_table_is_over_all_of_them() {
     let apart = folder.path().join("apart");
     let listed: Value = serde_json::from_str(&corf_ok(&["bench", "plan", text(&plan), "--out", text(&apart), "--json"])).unwrap();
     assert_eq!(listed["cells"].as_array().unwrap().len(), 10);
-    let id = listed["cells"].as_array().unwrap().iter().find(|c| c["row"] == "nearest").unwrap()["id"].as_str().unwrap().to_owned();
+    let id =
+        listed["cells"].as_array().unwrap().iter().find(|c| c["row"] == "nearest").unwrap()["id"].as_str().unwrap().to_owned();
     corf_ok(&["bench", "cell", text(&apart), &id]);
     let collected = corf(&["bench", "collect", text(&apart)]);
     assert_eq!(collected.status.code(), Some(1), "cells are missing");
@@ -67,7 +68,8 @@ fn a_run_is_of_one_fold_and_its_gap_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
     let reconstruct = |protocol: &str| {
-        ["reconstruct", text(tiny_dataset()), "--out", text(&run), "--method", "nearest", "--protocol", protocol].map(str::to_owned)
+        ["reconstruct", text(tiny_dataset()), "--out", text(&run), "--method", "nearest", "--protocol", protocol]
+            .map(str::to_owned)
     };
     let words = |args: [String; 8]| args.to_vec();
     let refused = |protocol: &str, said: &[&str]| {
@@ -89,7 +91,9 @@ fn density_says_where_a_field_overtakes_copying() {
     let folder = tempfile::tempdir().unwrap();
     let (plan, out) = (folder.path().join("plan.toml"), folder.path().join("out"));
     fs::write(&plan, plan_of("test", "[1, 2, 3]")).unwrap();
-    let density = |more: &[&'static str]| [&["bench", "density", text(&plan), "--out", text(&out), "--device", "cpu", "--every", "1,2"], more].concat();
+    let density = |more: &[&'static str]| {
+        [&["bench", "density", text(&plan), "--out", text(&out), "--device", "cpu", "--every", "1,2"], more].concat()
+    };
     let printed = corf_ok(&density(&[]));
     assert!(printed.contains("field") && printed.contains("against copying"), "{printed}");
     let results = read(&out.join("density.json"));

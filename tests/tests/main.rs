@@ -40,6 +40,7 @@ mod faults_server;
 mod faults_units;
 mod fields;
 mod figures;
+mod fixed_array;
 mod growing;
 #[cfg(feature = "slow")]
 mod implicit;

@@ -117,7 +117,12 @@ impl PlanRow {
     pub fn folder(&self, seed: u64, protocol: Protocol) -> Option<PathBuf> {
         let dir = self.dir.as_ref()?;
         let fold = protocol.fold().map_or(String::new(), |fold| fold.to_string());
-        Some(dir.replace(SEED, &seed.to_string()).replace(PROTOCOL, &protocol.of_all_folds().file_name()).replace(FOLD, &fold).into())
+        Some(
+            dir.replace(SEED, &seed.to_string())
+                .replace(PROTOCOL, &protocol.of_all_folds().file_name())
+                .replace(FOLD, &fold)
+                .into(),
+        )
     }
 
     /// Whether it has one cell, however many seeds the plan has.
@@ -166,7 +171,9 @@ impl PlanRow {
                 "every fold needs predictions by a model that has not seen its block\n  help: put {FOLD} into dir; it stands for the fold's number, \
                  from 1"
             ),
-            (RowKind::Predictions, Some(dir)) if protocol.fold().is_none() && protocol.folds().len() == 1 && dir.contains(FOLD) => {
+            (RowKind::Predictions, Some(dir))
+                if protocol.fold().is_none() && protocol.folds().len() == 1 && dir.contains(FOLD) =>
+            {
                 bail!("the protocol {protocol} has no folds\n  help: leave {FOLD} out of dir")
             }
             (RowKind::Predictions, Some(_)) => {}
@@ -220,7 +227,9 @@ impl Plan {
             bail!("a plan needs at least one seed and one [[row]]");
         }
         if plan.protocol == Protocol::ALL {
-            bail!("protocol = \"all\" leaves no keyframe to evaluate\n  help: choose \"test\", \"validation\", \"segment\" or blocks");
+            bail!(
+                "protocol = \"all\" leaves no keyframe to evaluate\n  help: choose \"test\", \"validation\", \"segment\" or blocks"
+            );
         }
         if plan.segment && plan.protocol != Protocol::TEST {
             bail!("segment = true belongs to protocol = \"test\": the segment's keyframes are test keyframes too");

@@ -161,7 +161,15 @@ pub const FAMILY: Family = Family {
     schema: || schema_for!(CorfGsConfig),
     inlined: &["reconstruction"],
     raster: Some(CorfGsConfig::raster_of),
-    can: Abilities { online: true, follows: true, begins_with_gaussians: true, emitters: false, on_processor: false, looks_up: false, fixed_array: false },
+    can: Abilities {
+        online: true,
+        follows: true,
+        begins_with_gaussians: true,
+        emitters: false,
+        on_processor: false,
+        looks_up: false,
+        fixed_array: false,
+    },
 };
 
 /// A method of [`FAMILY`].

@@ -62,7 +62,15 @@ pub const INVERSE_DISTANCE: Family = Family {
     schema: || schema_for!(LookupConfig),
     inlined: &[],
     raster: None,
-    can: Abilities { online: false, follows: false, begins_with_gaussians: false, emitters: false, on_processor: true, looks_up: true, fixed_array: true },
+    can: Abilities {
+        online: false,
+        follows: false,
+        begins_with_gaussians: false,
+        emitters: false,
+        on_processor: true,
+        looks_up: true,
+        fixed_array: true,
+    },
 };
 
 /// A method of [`NEAREST`] or [`INVERSE_DISTANCE`].
@@ -78,7 +86,11 @@ impl Lookup {
     /// A key that is none of [`LookupConfig`].
     pub fn new(id: &str, settings: toml::Table) -> Result<Self> {
         let config: LookupConfig = settings.try_into()?;
-        ensure!((0..=16).contains(&config.power), "power = {}\n  help: give 0 to 16; 1 is the inverse distance itself", config.power);
+        ensure!(
+            (0..=16).contains(&config.power),
+            "power = {}\n  help: give 0 to 16; 1 is the inverse distance itself",
+            config.power
+        );
         Ok(Self { id: id.to_owned(), config })
     }
 }

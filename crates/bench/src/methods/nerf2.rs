@@ -45,7 +45,15 @@ pub const FAMILY: Family = Family {
     schema: || schema_for!(Nerf2Config),
     inlined: &[],
     raster: None,
-    can: Abilities { online: false, follows: false, begins_with_gaussians: false, emitters: false, on_processor: false, looks_up: false, fixed_array: true },
+    can: Abilities {
+        online: false,
+        follows: false,
+        begins_with_gaussians: false,
+        emitters: false,
+        on_processor: false,
+        looks_up: false,
+        fixed_array: true,
+    },
 };
 
 /// Settings of `nerf2-corrected`, which correct what is a defect in the published code: the rate falls over the whole budget instead of rising

@@ -38,7 +38,15 @@ pub const FAMILY: Family = Family {
     schema: || schema_for!(Rf3dgsConfig),
     inlined: &[],
     raster: Some(raster_of),
-    can: Abilities { online: false, follows: false, begins_with_gaussians: true, emitters: false, on_processor: false, looks_up: false, fixed_array: false },
+    can: Abilities {
+        online: false,
+        follows: false,
+        begins_with_gaussians: true,
+        emitters: false,
+        on_processor: false,
+        looks_up: false,
+        fixed_array: false,
+    },
 };
 
 /// A method of [`FAMILY`].

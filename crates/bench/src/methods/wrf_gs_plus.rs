@@ -41,7 +41,15 @@ pub const FAMILY: Family = Family {
     schema: || schema_for!(WrfGsPlusConfig),
     inlined: &[],
     raster: None,
-    can: Abilities { online: false, follows: false, begins_with_gaussians: false, emitters: false, on_processor: false, looks_up: false, fixed_array: false },
+    can: Abilities {
+        online: false,
+        follows: false,
+        begins_with_gaussians: false,
+        emitters: false,
+        on_processor: false,
+        looks_up: false,
+        fixed_array: false,
+    },
 };
 
 /// A method of [`FAMILY`].

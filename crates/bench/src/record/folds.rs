@@ -133,7 +133,8 @@ mod tests {
 
     #[test]
     fn folds_of_a_seed_are_one_cell_over_all_their_keyframes() {
-        let mut records: Vec<Record> = [3, 1, 2].iter().map(|fold| of_fold("a", 1, *fold, 3 - fold, 10.0 * *fold as f64)).collect();
+        let mut records: Vec<Record> =
+            [3, 1, 2].iter().map(|fold| of_fold("a", 1, *fold, 3 - fold, 10.0 * *fold as f64)).collect();
         records.extend((1..=3).map(|fold| of_fold("a", 2, fold, 3 - fold, 50.0)));
         let whole = together(&records);
         assert_eq!(whole.len(), 2);

@@ -1,8 +1,8 @@
 //! Runs one cell: a method on a dataset with a seed. Keeps the clock and writes the record.
 
 use crate::methods::abilities;
-use crate::methods::registry;
 use crate::methods::interface::{Advance, Method, Predictor, StageTime, TrainingSet};
+use crate::methods::registry;
 use crate::metrics::input::Input;
 use crate::metrics::{FrameMetrics, Prediction};
 use crate::record::prediction_folder::PredictionFolder;

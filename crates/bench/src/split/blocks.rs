@@ -73,10 +73,7 @@ impl Blocks {
         let apart: Vec<usize> = if self.validation { [&test[..], &held_out[..]].concat() } else { held_out.clone() };
         let trains = |i: &usize| !apart.iter().any(|other| self.gap.holds(*i, *other, positions));
         let train: Vec<usize> = (0..positions.len()).filter(trains).collect();
-        ensure!(
-            !train.is_empty(),
-            "{self}: no keyframe is left to train with\n  help: give a smaller gap, or more parts"
-        );
+        ensure!(!train.is_empty(), "{self}: no keyframe is left to train with\n  help: give a smaller gap, or more parts");
         Ok(Fold { train, held_out })
     }
 
@@ -142,7 +139,8 @@ impl Blocks {
         let mut block_of: Vec<usize> = positions.iter().map(|p| nearest(p, &centres)).collect();
         for _ in 0..MOST_ROUNDS {
             for (block, centre) in centres.iter_mut().enumerate() {
-                let members: Vec<DVec3> = positions.iter().zip(&block_of).filter(|(_, b)| **b == block).map(|(p, _)| *p).collect();
+                let members: Vec<DVec3> =
+                    positions.iter().zip(&block_of).filter(|(_, b)| **b == block).map(|(p, _)| *p).collect();
                 // A cluster that has lost all keeps its centre; it is refused below if it stays empty.
                 if !members.is_empty() {
                     *centre = members.iter().sum::<DVec3>() / members.len() as f64;
@@ -162,10 +160,7 @@ impl Blocks {
                 next - 1
             });
         }
-        ensure!(
-            next == self.parts,
-            "{self}: only {next} clusters have keyframes\n  help: give fewer parts, or another seed"
-        );
+        ensure!(next == self.parts, "{self}: only {next} clusters have keyframes\n  help: give fewer parts, or another seed");
         Ok(block_of)
     }
 
@@ -184,7 +179,9 @@ impl Blocks {
         };
         let folds = match self.fold {
             Some(fold) => format!("the block of fold {fold} was held out alone"),
-            None => format!("each was held out once; figures are over the keyframes of all {parts} folds, time and Gaussians means of a fold"),
+            None => format!(
+                "each was held out once; figures are over the keyframes of all {parts} folds, time and Gaussians means of a fold"
+            ),
         };
         let evaluated = if self.validation { "; evaluated on the block behind, the held-out one left out" } else { "" };
         format!("Blocks: {made}, {folds}; {gap}{evaluated}.")

@@ -46,12 +46,8 @@ pub enum Holdout {
 }
 
 /// Names without settings, …
-const NAMED: [(&str, Holdout); 4] = [
-    ("validation", Holdout::Validation),
-    ("test", Holdout::Test),
-    ("segment", Holdout::Segment),
-    ("all", Holdout::All),
-];
+const NAMED: [(&str, Holdout); 4] =
+    [("validation", Holdout::Validation), ("test", Holdout::Test), ("segment", Holdout::Segment), ("all", Holdout::All)];
 /// … and those of blocks.
 const BLOCKS: [(&str, By); 5] = [
     ("trajectory", By::Trajectory),
@@ -125,9 +121,7 @@ impl Protocol {
     /// What has to be said of it under a table, a sentence that stands behind others; nothing of the usual protocol.
     pub fn note(self) -> String {
         let mut note = match self.holdout {
-            Holdout::Validation => {
-                "Validation keyframes; test keyframes were neither trained with nor looked at.".to_owned()
-            }
+            Holdout::Validation => "Validation keyframes; test keyframes were neither trained with nor looked at.".to_owned(),
             Holdout::Segment => "A contiguous segment of the trajectory was held out.".to_owned(),
             Holdout::Test | Holdout::All => String::new(),
             Holdout::Blocks(blocks) => blocks.note(),
@@ -285,7 +279,10 @@ fn blocks(by: By, keys: &mut Keys<'_>) -> Result<Blocks> {
         Some("validation") => true,
         Some(other) => bail!("evaluated={other}: test or validation is expected"),
     };
-    ensure!(!validation || parts > 2, "a block for tests, one for validation and one to train with are three: give parts=3 or more");
+    ensure!(
+        !validation || parts > 2,
+        "a block for tests, one for validation and one to train with are three: give parts=3 or more"
+    );
     Ok(Blocks { by, parts, gap, fold, validation })
 }
 

@@ -129,7 +129,10 @@ pub fn import_fixed_array<E: From<Error>>(
     let listed: BTreeSet<usize> = split.train.iter().chain(&split.test).copied().collect();
     let mut notes = Vec::new();
     if listed.len() < count {
-        notes.push(format!("{} of {count} spectra are on neither list: they take no part in the published split", count - listed.len()));
+        notes.push(format!(
+            "{} of {count} spectra are on neither list: they take no part in the published split",
+            count - listed.len()
+        ));
     }
     let left = left_out(source, &names)?;
     if !left.is_empty() {
@@ -184,7 +187,8 @@ pub(super) fn open(dir: &Path, text: &str) -> Result<(DatasetFile, FixedArray)> 
         let what = format!("its kind, array, split or number of keyframes are not those of the files in {FOLDER}/");
         return Err(Error::invalid(path.display().to_string(), what, "restore the original, or import the set again"));
     }
-    let nominal = Pinhole { width: array.azimuths, height: array.elevations, fx: f64::NAN, fy: f64::NAN, cx: f64::NAN, cy: f64::NAN };
+    let nominal =
+        Pinhole { width: array.azimuths, height: array.elevations, fx: f64::NAN, fy: f64::NAN, cx: f64::NAN, cy: f64::NAN };
     let imported = Imported {
         format: FOLDER.to_owned(),
         names: (0..file.keyframes).map(spectrum_name).collect(),
@@ -256,7 +260,11 @@ fn levels(path: &Path) -> Result<Raster<u8>> {
     let picture = io::read_png16(path)?;
     if (picture.width(), picture.height()) != SIZE {
         let what = format!("is {}x{} pixels", picture.width(), picture.height());
-        return Err(Error::invalid(place, what, "a spectrum of this layout is 360x90: a column a degree of azimuth, a row a degree of elevation"));
+        return Err(Error::invalid(
+            place,
+            what,
+            "a spectrum of this layout is 360x90: a column a degree of azimuth, a row a degree of elevation",
+        ));
     }
     if picture.pixels().iter().any(|[r, g, b]| r != g || g != b || r % 257 != 0) {
         let what = "is no grey picture of 8 bits";
@@ -269,7 +277,10 @@ fn read_published(source: &Path) -> Result<Published> {
     let text = |name: &str| -> Result<String> {
         let path = source.join(name);
         if !path.is_file() {
-            let help = format!("the layout of NeRF\u{b2} has {GATEWAY}, {PLACES}, {}, {} and {SPECTRA}/00001.png, …", LISTS[0], LISTS[1]);
+            let help = format!(
+                "the layout of NeRF\u{b2} has {GATEWAY}, {PLACES}, {}, {} and {SPECTRA}/00001.png, …",
+                LISTS[0], LISTS[1]
+            );
             return Err(Error::invalid(path.display().to_string(), "there is no such file", help));
         }
         io::read_text(path)
@@ -372,7 +383,10 @@ fn conventions(statement: bool) -> Conventions {
             "frames",
             &[
                 ("room", "as published: metres; tx_pos.csv and the gateway's position are in it"),
-                ("array", "the gateway's own frame; orientation in gateway_info.yml is the quaternion x, y, z, w that turns it into the room's"),
+                (
+                    "array",
+                    "the gateway's own frame; orientation in gateway_info.yml is the quaternion x, y, z, w that turns it into the room's",
+                ),
                 ("pose", "of the transmitter: a place without an attitude; the array stands still"),
             ],
         ),
@@ -395,7 +409,8 @@ mod tests {
     use super::*;
     use crate::dataset::{Dataset, validate};
 
-    const YML: &str = "dataset_name: s\ngateway1:\n  position: [1.0, 2.0, 0.5]\n  orientation: [0.0, 0.0, 0.70710678, 0.70710678] # z\n";
+    const YML: &str =
+        "dataset_name: s\ngateway1:\n  position: [1.0, 2.0, 0.5]\n  orientation: [0.0, 0.0, 0.70710678, 0.70710678] # z\n";
 
     /// A made set of six places.
     fn made(dir: &Path) {
@@ -463,7 +478,8 @@ mod tests {
             let source = folder.path().join("s");
             made(&source);
             std::fs::write(source.join(name), text).unwrap();
-            let error = import_fixed_array(&source, &folder.path().join("d"), "m", &|_, _| Ok::<(), Error>(())).unwrap_err().to_string();
+            let error =
+                import_fixed_array(&source, &folder.path().join("d"), "m", &|_, _| Ok::<(), Error>(())).unwrap_err().to_string();
             assert!(error.contains(said) && error.contains(name), "{name}: {error}");
         }
         for (bytes, said) in [
@@ -474,13 +490,15 @@ mod tests {
             let source = folder.path().join("s");
             made(&source);
             std::fs::write(source.join(spectrum_name(2)), bytes).unwrap();
-            let error = import_fixed_array(&source, &folder.path().join("d"), "m", &|_, _| Ok::<(), Error>(())).unwrap_err().to_string();
+            let error =
+                import_fixed_array(&source, &folder.path().join("d"), "m", &|_, _| Ok::<(), Error>(())).unwrap_err().to_string();
             assert!(error.contains(said) && error.contains("00003.png"), "{error}");
         }
         let folder = tempfile::tempdir().unwrap();
         made(&folder.path().join("s"));
         std::fs::remove_file(folder.path().join("s/spectrum/00006.png")).unwrap();
-        let error = import_fixed_array(&folder.path().join("s"), &folder.path().join("d"), "m", &|_, _| Ok::<(), Error>(())).unwrap_err();
+        let error =
+            import_fixed_array(&folder.path().join("s"), &folder.path().join("d"), "m", &|_, _| Ok::<(), Error>(())).unwrap_err();
         assert!(error.to_string().contains("line 6"), "{error}");
     }
 }

@@ -33,8 +33,8 @@ mod writer;
 
 pub use conventions::{Conventions, EQUIRECTANGULAR_AXES};
 pub use export::ColoredPoint;
-pub use fixed_array::{FIXED_ARRAY_SCHEMA, FixedArray, ImportedArray, import_fixed_array};
 pub(crate) use export::{Besides, transforms_json};
+pub use fixed_array::{FIXED_ARRAY_SCHEMA, FixedArray, ImportedArray, import_fixed_array};
 pub use header::{DATASET_SCHEMA, DatasetHeader, Imported, MaterialRecord, Quantity, SamplingError, StatedSplit, Summary};
 pub use identity::check_finished;
 pub use layout::stem;

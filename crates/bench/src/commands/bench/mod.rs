@@ -277,11 +277,7 @@ impl Report {
         let dataset = self.verify.open_any(&plan.dataset)?.dataset;
         let _held = claim_shared(&self.folder)?;
         let written = suite::write_results(&plan, &dataset, records, &self.folder)?;
-        show(
-            json,
-            &serde_json::json!({ "report": written.report, "table": written.table }),
-            &written.place(),
-        )?;
+        show(json, &serde_json::json!({ "report": written.report, "table": written.table }), &written.place())?;
         Ok(Verdict::Done)
     }
 }

@@ -142,7 +142,11 @@ impl Export {
 
     /// Writes the files of a set that was imported from this layout, byte for byte.
     fn as_published(&self, dataset: &Dataset, json: bool) -> Result<Verdict> {
-        let given = [("--scene", self.scene.is_some()), ("--gateway", self.gateway.is_some()), ("--gateway-towards", self.gateway_towards.is_some())];
+        let given = [
+            ("--scene", self.scene.is_some()),
+            ("--gateway", self.gateway.is_some()),
+            ("--gateway-towards", self.gateway_towards.is_some()),
+        ];
         if let Some((flag, _)) = given.iter().find(|(_, given)| *given) {
             let what = "nothing is traced: the set goes out as it came in";
             return Err(Error::invalid(*flag, what, "leave it out").into());

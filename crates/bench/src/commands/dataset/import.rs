@@ -223,7 +223,9 @@ impl Import {
             ("--ignore-masks", self.ignore_masks),
         ];
         if let Some((flag, _)) = given.iter().find(|(_, given)| *given) {
-            anyhow::bail!("{flag}: a set in the layout nerf2 is kept as it was published, frames, levels and lists\n  help: leave it out");
+            anyhow::bail!(
+                "{flag}: a set in the layout nerf2 is kept as it was published, frames, levels and lists\n  help: leave it out"
+            );
         }
         keep_apart("--out", &self.out, &[Reads::Folder(&self.source)])?;
         let name = match &self.name {

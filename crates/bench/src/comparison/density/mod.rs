@@ -122,7 +122,10 @@ impl Density {
             "the plan's protocol is thinned already ({})\n  help: leave every out of it; --every says how it is thinned",
             plan.protocol
         );
-        ensure!(!plan.segment, "segment = true: the segment is one more comparison\n  help: give a plan with protocol = \"segment\"");
+        ensure!(
+            !plan.segment,
+            "segment = true: the segment is one more comparison\n  help: give a plan with protocol = \"segment\""
+        );
         let looks_up = |row: &&crate::experiment::plan::PlanRow| abilities(&row.method).looks_up;
         if let Some(row) = plan.rows.iter().find(|row| row.kind == RowKind::Predictions) {
             anyhow::bail!("row \"{}\" is of predictions, which cannot be trained again\n  help: leave it out", row.label);

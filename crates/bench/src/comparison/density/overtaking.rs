@@ -81,11 +81,13 @@ fn one(steps: &[Step], metric: &'static Column, row: &StepRow, over: &str, looku
         Some(of(&row.row)? - copied?.into_iter().fold(f64::NEG_INFINITY, f64::max))
     };
     let of_seed = |seed: u64| {
-        let points: Option<Vec<(f64, f64)>> = steps.iter().map(|step| Some((step.nearest_training_m, ahead(step, seed)?))).collect();
+        let points: Option<Vec<(f64, f64)>> =
+            steps.iter().map(|step| Some((step.nearest_training_m, ahead(step, seed)?))).collect();
         SeedPlace { seed, place: points.map_or(Place::Unknown, |points| place(&points)) }
     };
     let seeds: Vec<SeedPlace> = row.seeds.iter().map(|s| of_seed(s.seed)).collect();
-    let places: Option<Vec<f64>> = seeds.iter().map(|s| if let Place::At { distance_m } = s.place { Some(distance_m) } else { None }).collect();
+    let places: Option<Vec<f64>> =
+        seeds.iter().map(|s| if let Place::At { distance_m } = s.place { Some(distance_m) } else { None }).collect();
     let summary = places.and_then(|places| summarize(&places));
     Overtaking {
         metric: metric.key,
@@ -136,7 +138,9 @@ fn said(steps: &[Step], seeds: &[SeedPlace], summary: Option<Summary>) -> String
             if !at.is_empty() {
                 parts.push(format!("overtakes at {} in {} of {n} seeds", at.join(", "), at.len()));
             }
-            for (count, what) in [(always, "is ahead at every step"), (never, "does not overtake"), (unknown, "lacks a finished step")] {
+            for (count, what) in
+                [(always, "is ahead at every step"), (never, "does not overtake"), (unknown, "lacks a finished step")]
+            {
                 if count > 0 {
                     parts.push(format!("{what} in {count} of {n} seeds"));
                 }
@@ -162,7 +166,12 @@ mod tests {
             row: name.to_owned(),
             method: String::new(),
             looks_up,
-            seeds: (0..3).map(|seed| StepSeed { seed: seed as u64, values: of(seed).iter().flat_map(|value| [("psnr_opt", *value), ("rmse_db", *value)]).collect() }).collect(),
+            seeds: (0..3)
+                .map(|seed| StepSeed {
+                    seed: seed as u64,
+                    values: of(seed).iter().flat_map(|value| [("psnr_opt", *value), ("rmse_db", *value)]).collect(),
+                })
+                .collect(),
         };
         (0..3)
             .map(|i| Step {

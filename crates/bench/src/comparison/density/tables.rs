@@ -20,7 +20,13 @@ pub(super) fn text(results: &Results, metrics: &[&Column]) -> String {
     );
     for found in &results.overtaking {
         let metric = metrics.iter().find(|c| c.key == found.metric).map_or(found.metric, |c| c.heading);
-        let _ = writeln!(out, "- {metric}: {} {} (against {}).", escape::markdown(&found.row), found.said, escape::markdown(&found.over));
+        let _ = writeln!(
+            out,
+            "- {metric}: {} {} (against {}).",
+            escape::markdown(&found.row),
+            found.said,
+            escape::markdown(&found.over)
+        );
     }
     for metric in metrics {
         let _ = write!(out, "\n{}\n\n| one of every | training keyframes | distance, m |", metric.heading);

@@ -190,9 +190,10 @@ impl Planned {
     /// A cell and the part of the plan it belongs to.
     fn find(&self, listed: &ListedCell) -> Option<(&Part, Cell<'_>)> {
         let part = self.parts.iter().find(|part| part.plan.protocol.folds().contains(&listed.split))?;
-        let cell = part.plan.cells().find(|cell| {
-            (cell.row.label.as_str(), cell.seed, cell.split) == (listed.row.as_str(), listed.seed, listed.split)
-        })?;
+        let cell = part
+            .plan
+            .cells()
+            .find(|cell| (cell.row.label.as_str(), cell.seed, cell.split) == (listed.row.as_str(), listed.seed, listed.split))?;
         Some((part, cell))
     }
 
@@ -267,7 +268,8 @@ impl Planned {
     /// A damaged record, records that may not stand in one table, or a row that cannot run.
     pub fn collect(&self, input: &Input) -> Result<Vec<(&Part, Vec<Record>)>> {
         let of_part = |part: &Part| -> Result<Vec<Record>> {
-            let cells: Vec<_> = self.list.cells.iter().filter(|listed| part.plan.protocol.folds().contains(&listed.split)).collect();
+            let cells: Vec<_> =
+                self.list.cells.iter().filter(|listed| part.plan.protocol.folds().contains(&listed.split)).collect();
             let records: Vec<Record> = cells.iter().map(|listed| self.record_or_failure(listed, input)).collect::<Result<_>>()?;
             let place = |at: usize| format!("cell {}", cells[at].id);
             comparability::check(&records, &place, &Joined::default())?;

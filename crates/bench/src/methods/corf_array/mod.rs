@@ -147,7 +147,15 @@ pub const FAMILY: Family = Family {
     schema: || schema_for!(CorfArrayConfig),
     inlined: &["light.reconstruction", "radio"],
     raster: Some(raster_of),
-    can: Abilities { online: true, follows: false, begins_with_gaussians: false, emitters: true, on_processor: false, looks_up: false, fixed_array: false },
+    can: Abilities {
+        online: true,
+        follows: false,
+        begins_with_gaussians: false,
+        emitters: true,
+        on_processor: false,
+        looks_up: false,
+        fixed_array: false,
+    },
 };
 
 /// The method of [`FAMILY`].
