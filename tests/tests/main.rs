@@ -10,6 +10,7 @@ mod array;
 mod bad_input;
 #[cfg(all(unix, feature = "slow"))]
 mod baselines;
+mod blocks;
 #[cfg(feature = "slow")]
 mod cells;
 mod denoiser;
@@ -39,6 +40,7 @@ mod faults_server;
 mod faults_units;
 mod fields;
 mod figures;
+mod fixed_array;
 mod growing;
 #[cfg(feature = "slow")]
 mod implicit;

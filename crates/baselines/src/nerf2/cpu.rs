@@ -70,7 +70,8 @@ impl<T: Real> CpuTrainer<T> {
         let distances: Vec<T> = distances.iter().map(|r| T::of(f64::from(*r))).collect();
         for (k, ray) in rays.iter().enumerate() {
             let [origin, direction] = [ray.origin_m, ray.direction].map(|v| v.map(|c| T::of(f64::from(c))));
-            let outside = self.model.outside(direction, self.transmitter);
+            let transmitter = ray.transmitter_m.map_or(self.transmitter, |t| t.map(|c| T::of(f64::from(c))));
+            let outside = self.model.outside(direction, transmitter);
             for (at, r) in (k * samples..).zip(&distances[k * samples..(k + 1) * samples]) {
                 let point = [0, 1, 2].map(|axis| origin[axis] + direction[axis] * *r);
                 self.model.encoding.encode(point, &mut inputs[0][at * width..]);

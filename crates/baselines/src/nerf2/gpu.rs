@@ -14,12 +14,13 @@ use corf_gpu::{AdapterOptions, Bound, Context, Kernel, SIN_COS, UNIFORM_STRIDE, 
 const POINTS_A_CHUNK: usize = 1 << 16;
 /// Most memory for these, bytes.
 const MOST_MEMORY: usize = 2 << 30;
-/// Numbers of a ray on the GPU: origin and target, direction and the gradient's scale.
-const RAY: usize = 8;
+/// Numbers of a ray on the GPU: origin and target, direction and the gradient's scale, transmitter and nothing.
+const RAY: usize = 12;
 
 /// Trains and evaluates on a GPU, in f32. The same seed gives the same bytes on the same adapter and driver.
 pub struct GpuTrainer {
     config: Nerf2Config,
+    transmitter_m: [f32; 3],
     network: GpuNetwork,
     points: Bound,
     sums: Bound,
@@ -47,7 +48,6 @@ record! {
         /// 0.025 over the end of the ray, or 0.
         last_loss: f32,
         padding: u32,
-        transmitter: [f32; 4],
     }
 }
 
@@ -93,7 +93,6 @@ impl GpuTrainer {
         let constants = context.buffer("chunks", UNIFORM_STRIDE * chunks as u64, wgpu::BufferUsages::UNIFORM)?;
         for chunk in 0..chunks {
             let width = model.encoding.width();
-            let [x, y, z] = transmitter_m;
             let end = if config.last_sample { (super::rendering::FREE_SPACE_M / f64::from(config.far_m)) as f32 } else { 0.0 };
             let values = Chunk {
                 first_ray: (chunk * rays_a_chunk) as u32,
@@ -104,7 +103,6 @@ impl GpuTrainer {
                 outside_stride: vectors(2 * width) as u32,
                 last_loss: end,
                 padding: 0,
-                transmitter: [x, y, z, 0.0],
             };
             context.queue.write_buffer(&constants, UNIFORM_STRIDE * chunk as u64, bytemuck::bytes_of(&values));
         }
@@ -124,6 +122,7 @@ impl GpuTrainer {
         let sums = sums.bind(&context, uniform, &[&constants, &ray_buffer, &distances, a, s, da, ds, &amplitudes])?;
         Ok(Self {
             config: *config,
+            transmitter_m,
             points,
             sums,
             rays: ray_buffer,
@@ -171,7 +170,8 @@ impl GpuTrainer {
         let mut numbers = Vec::with_capacity(RAY * self.rays_a_chunk * self.chunks);
         for (ray, target) in rays.iter().zip(targets) {
             let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin_m, ray.direction);
-            numbers.extend([ox, oy, oz, *target, dx, dy, dz, scale]);
+            let [tx, ty, tz] = ray.transmitter_m.unwrap_or(self.transmitter_m);
+            numbers.extend([ox, oy, oz, *target, dx, dy, dz, scale, tx, ty, tz, 0.0]);
         }
         let whole = rays.len().next_multiple_of(self.rays_a_chunk);
         numbers.resize(RAY * whole, 0.0);

@@ -80,7 +80,7 @@ fn spectra_are_those_of_the_processor() {
     let mut cpu = CpuTrainer::new(&config, TRANSMITTER_M, parameters.clone()).unwrap();
     let field = Field { config, transmitter_m: TRANSMITTER_M, parameters };
     // More rays than a step has, no multiple of a chunk's.
-    let camera = Pinhole::from_horizontal_fov(13, 7, 90.0);
+    let camera = super::Sight::from(Pinhole::from_horizontal_fov(13, 7, 90.0));
     let pose = Rigid3 { translation: [0.3, 0.0, 1.0].into(), ..Rigid3::IDENTITY };
     let [a, b] = [field.render(&mut gpu, &camera, &pose).unwrap(), field.render(&mut cpu, &camera, &pose).unwrap()];
     let largest = b.pixels().iter().fold(0.0f32, |m, v| m.max(*v));

@@ -22,5 +22,5 @@ pub use cpu::CpuTrainer;
 #[cfg(feature = "gpu")]
 pub use gpu::GpuTrainer;
 pub use model::Model;
-pub use rays::{Batch, PixelRay, TrainingRays};
+pub use rays::{Batch, PixelRay, Sight, TrainingRays};
 pub use trainer::{Field, Trainer};

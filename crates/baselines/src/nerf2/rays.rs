@@ -12,6 +12,59 @@ pub struct PixelRay {
     pub origin_m: [f32; 3],
     /// Unit vector.
     pub direction: [f32; 3],
+    /// The transmitter, metres, where it is not the one place that a trainer knows.
+    pub transmitter_m: Option<[f32; 3]>,
+}
+
+/// The ray of a pixel: of a receiver that moves and looks through a pinhole, or of an array that stands still while the transmitter moves.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sight {
+    /// A view's pose is the receiver's.
+    Moving(Pinhole),
+    /// A view's place is the transmitter's.
+    Fixed {
+        /// The array, metres.
+        origin_m: [f32; 3],
+        /// Unit vectors of the pixels.
+        directions: Raster<[f32; 3]>,
+    },
+}
+
+impl From<Pinhole> for Sight {
+    fn from(camera: Pinhole) -> Self {
+        Self::Moving(camera)
+    }
+}
+
+impl Sight {
+    /// Columns and rows of a spectrum.
+    pub fn size(&self) -> (usize, usize) {
+        match self {
+            Self::Moving(camera) => (camera.width, camera.height),
+            Self::Fixed { directions, .. } => (directions.width(), directions.height()),
+        }
+    }
+
+    fn pixels(&self) -> usize {
+        let (width, height) = self.size();
+        width * height
+    }
+
+    /// The ray of a pixel, counted row by row, of a view.
+    fn ray(&self, view: &Rigid3, pixel: usize) -> PixelRay {
+        let single = |v: glam::DVec3| [v.x as f32, v.y as f32, v.z as f32];
+        match self {
+            Self::Moving(camera) => {
+                let direction = view.transform_vector(camera.pixel_direction(pixel % camera.width, pixel / camera.width));
+                PixelRay { origin_m: single(view.translation), direction: single(direction), transmitter_m: None }
+            }
+            Self::Fixed { origin_m, directions } => PixelRay {
+                origin_m: *origin_m,
+                direction: directions.pixels()[pixel],
+                transmitter_m: Some(single(view.translation)),
+            },
+        }
+    }
 }
 
 /// Rays of one step, with what was observed along them.
@@ -29,7 +82,7 @@ pub struct Batch {
 #[derive(Clone, Debug)]
 pub struct TrainingRays {
     views: Vec<Rigid3>,
-    camera: Pinhole,
+    sight: Sight,
     /// View by view, row by row.
     targets: Vec<f32>,
     seed: u64,
@@ -37,8 +90,8 @@ pub struct TrainingRays {
 
 impl TrainingRays {
     /// No views yet, all with this camera.
-    pub fn new(camera: Pinhole, seed: u64) -> Self {
-        Self { views: vec![], camera, targets: vec![], seed }
+    pub fn new(sight: impl Into<Sight>, seed: u64) -> Self {
+        Self { views: vec![], sight: sight.into(), targets: vec![], seed }
     }
 
     /// Adds a view.
@@ -47,7 +100,7 @@ impl TrainingRays {
     /// A spectrum of another size, or with values that are not finite.
     pub fn push(&mut self, world_from_camera: Rigid3, targets: &Raster<f32>) -> Result<()> {
         let place = || format!("training spectrum {}", self.views.len());
-        let (size, own) = ((targets.width(), targets.height()), (self.camera.width, self.camera.height));
+        let (size, own) = ((targets.width(), targets.height()), self.sight.size());
         if size != own {
             let what = format!("{}x{} pixels where the RF camera has {}x{}", size.0, size.1, own.0, own.1);
             return Err(Error::invalid(place(), what, "give spectra of the data set's RF camera"));
@@ -77,12 +130,12 @@ impl TrainingRays {
     pub fn batch(&self, config: &Nerf2Config, step: u64) -> Batch {
         assert!(!self.is_empty(), "rays of no view");
         let mut batch = Batch::default();
-        let (count, pixels) = (self.len() as u64, self.camera.width * self.camera.height);
+        let (count, pixels) = (self.len() as u64, self.sight.pixels());
         for k in 0..config.rays as u64 {
             let place = step * config.rays as u64 + k;
             let index = permuted(self.seed, place / count, place % count, count) as usize;
             let (view, pixel) = (index / pixels, index % pixels);
-            batch.rays.push(ray(&self.camera, &self.views[view], pixel));
+            batch.rays.push(self.sight.ray(&self.views[view], pixel));
             batch.targets.push(self.targets[index]);
         }
         batch.distances = match config.jitter {
@@ -97,14 +150,8 @@ impl TrainingRays {
 }
 
 /// Rays of all pixels of a view, row by row.
-pub fn view_rays(camera: &Pinhole, world_from_camera: &Rigid3) -> Vec<PixelRay> {
-    (0..camera.width * camera.height).map(|pixel| ray(camera, world_from_camera, pixel)).collect()
-}
-
-fn ray(camera: &Pinhole, world_from_camera: &Rigid3, pixel: usize) -> PixelRay {
-    let direction = world_from_camera.transform_vector(camera.pixel_direction(pixel % camera.width, pixel / camera.width));
-    let single = |v: glam::DVec3| [v.x as f32, v.y as f32, v.z as f32];
-    PixelRay { origin_m: single(world_from_camera.translation), direction: single(direction) }
+pub fn view_rays(sight: &Sight, view: &Rigid3) -> Vec<PixelRay> {
+    (0..sight.pixels()).map(|pixel| sight.ray(view, pixel)).collect()
 }
 
 /// Distances of the samples of `rays` rays, metres. With jitter a ray is cut into equal parts, and `within` says where in each of them

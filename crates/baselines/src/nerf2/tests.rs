@@ -128,8 +128,8 @@ fn a_field_on_disk_predicts_the_same() {
     let mut again = CpuTrainer::new(&read.config, read.transmitter_m, read.parameters.clone()).unwrap();
     let camera = Pinhole::from_horizontal_fov(50, 20, 90.0);
     let pose = Rigid3 { translation: [0.3, 0.0, 1.0].into(), ..Rigid3::IDENTITY };
-    let image = field.render(&mut trainer, &camera, &pose).unwrap();
+    let image = field.render(&mut trainer, &camera.into(), &pose).unwrap();
     assert_eq!((image.width(), image.height()), (50, 20));
     assert!(image.pixels().iter().all(|v| v.is_finite() && *v >= 0.0));
-    assert_eq!(read.render(&mut again, &camera, &pose).unwrap(), image);
+    assert_eq!(read.render(&mut again, &camera.into(), &pose).unwrap(), image);
 }

@@ -1,11 +1,11 @@
 //! Interface of what trains a field and predicts spectra, on either device; and the field on disk.
 
 use super::rays::{distances, view_rays};
-use super::{Batch, Model, Nerf2Config, PixelRay};
+use super::{Batch, Model, Nerf2Config, PixelRay, Sight};
 use crate::mlp::Trained;
 use corf::files::tensors::{self, Kind, Tensor, Tensors};
 use corf::{Error, Result};
-use corf_scene::{Pinhole, Raster, Rigid3};
+use corf_scene::{Raster, Rigid3};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -47,7 +47,7 @@ pub trait Trainer {
 pub struct Field {
     /// Constants.
     pub config: Nerf2Config,
-    /// The transmitter, metres in the world frame.
+    /// The transmitter, metres in the world frame, where it stands still.
     pub transmitter_m: [f32; 3],
     /// Parameters of the network.
     pub parameters: Vec<f32>,
@@ -76,14 +76,15 @@ const STATE: Kind = Kind { name: "checkpoint", format: "corf-nerf2-checkpoint/2"
 const NETWORK: [&str; 3] = ["network.parameters", "network.first_moment", "network.second_moment"];
 
 impl Field {
-    /// Amplitudes over the pixels of a camera at a pose, by a trainer that holds this field.
+    /// Amplitudes over the pixels of a spectrum of a view, by a trainer that holds this field.
     ///
     /// # Errors
     /// The trainer's.
-    pub fn render(&self, trainer: &mut dyn Trainer, camera: &Pinhole, world_from_camera: &Rigid3) -> Result<Raster<f32>> {
-        let rays = view_rays(camera, world_from_camera);
+    pub fn render(&self, trainer: &mut dyn Trainer, sight: &Sight, view: &Rigid3) -> Result<Raster<f32>> {
+        let rays = view_rays(sight, view);
         let distances = distances(&self.config, rays.len(), || 0.5);
-        Ok(Raster::from_vec(camera.width, camera.height, trainer.amplitudes(&rays, &distances)?))
+        let (width, height) = sight.size();
+        Ok(Raster::from_vec(width, height, trainer.amplitudes(&rays, &distances)?))
     }
 
     /// Writes it whole or not at all.

@@ -54,10 +54,10 @@ impl Demo {
         let page = |model: KeptModel| model.has_page().then(|| format!("viewer: {}\n", model.page.display()));
         let view: String = KeptModel::all(&self.out).into_iter().filter_map(page).collect();
         let text = format!(
-            "\n{}\ntable:  {}\nreport: {}\n{view}all of it in {:.0} s",
+            "\n{}\ntable:  {}\n{}\n{view}all of it in {:.0} s",
             written.text(),
             written.table.display(),
-            written.report.display(),
+            written.place(),
             start.elapsed().as_secs_f64()
         );
         show(json, &written.records, &text)?;

@@ -20,7 +20,7 @@ use crate::split::{Protocol, Split};
 use crate::table;
 use crate::terminal;
 use crate::terminal::progress::Stage;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clap::Args;
 use corf_scene::dataset::Dataset;
 use std::path::{Path, PathBuf};
@@ -104,7 +104,7 @@ impl Evaluate {
     fn of_predictions(&self, folder: &Path, picture: &mut Option<Picture>) -> Result<(Record, Dataset)> {
         let dataset = self.dataset.as_deref().context("predictions are of a dataset\n  help: name it with --dataset")?;
         let networks = self.lpips.read()?;
-        let input = self.verify.open(dataset)?.with_networks(&networks)?;
+        let input = self.verify.open_any(dataset)?.with_networks(&networks)?;
         let protocol = match self.protocol {
             Some(protocol) => protocol,
             None => PredictionFolder::stated(folder)?.protocol.unwrap_or_default(),
@@ -128,10 +128,15 @@ impl Evaluate {
 
     fn of_run(&self, folder: &Path, picture: &mut Option<Picture>) -> Result<(Record, Dataset, Option<FreshFolder>)> {
         let networks = self.lpips.read()?;
-        let mut run = open::open(folder, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
+        let mut run = open::open_any(folder, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
         if let Some(out) = &self.write_predictions {
             keep_apart("--write-predictions", out, &[Reads::Folder(folder), Reads::Folder(run.input.dataset.dir())])?;
         }
+        ensure!(
+            self.write_predictions.is_none() || run.input.dataset.fixed_array().is_none(),
+            "--write-predictions: {} holds grey levels and no powers, which predictions in linear/ would be\n  help: leave it out",
+            run.input.dataset.dir().display()
+        );
         run.input = run.input.with_networks(&networks)?;
         let _held = claim_shared(folder)?;
         let dataset = &run.input.dataset;

@@ -47,8 +47,8 @@ pub struct Written {
     pub records: Vec<Record>,
     /// Records of the contiguous segment, if the plan asks for it.
     pub segment: Vec<Record>,
-    /// Path of `report.html`.
-    pub report: PathBuf,
+    /// Path of `report.html`; none of a data set whose array stands still, for a report shows what a platform saw on its way.
+    pub report: Option<PathBuf>,
     /// Path of `table.md`.
     pub table: PathBuf,
     /// Columns of the tables.
@@ -56,6 +56,14 @@ pub struct Written {
 }
 
 impl Written {
+    /// Where to look at it: the report, or where there is none the table.
+    pub fn place(&self) -> String {
+        match &self.report {
+            Some(report) => format!("report: {}", report.display()),
+            None => format!("table: {}", self.table.display()),
+        }
+    }
+
     /// Its tables for a terminal.
     pub fn text(&self) -> String {
         let table = |records: &[Record]| table::plain(&table::rows(records), &self.columns, terminal::width());
@@ -222,6 +230,10 @@ pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: 
     let whole = folds::together(&records);
     let figures = Figures::of(&whole, dataset)?;
     figures.iter().try_for_each(|figures| figures.write(out))?;
+    if dataset.fixed_array().is_some() {
+        drop(whole);
+        return Ok(Written { records, segment: Vec::new(), report: None, table: table_path, columns });
+    }
     let report = Report {
         plan,
         dataset,
@@ -234,7 +246,7 @@ pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: 
     };
     report::write(&report, &report_path)?;
     drop(whole);
-    Ok(Written { records, segment: Vec::new(), report: report_path, table: table_path, columns })
+    Ok(Written { records, segment: Vec::new(), report: Some(report_path), table: table_path, columns })
 }
 
 /// Writes `table.md`, which begins with `head`, `table.csv` and `table.tex`.

@@ -142,7 +142,7 @@ impl Sweep {
         for dataset in &self.datasets {
             let mut plan = self.plan(dataset)?;
             plan.dataset = std::path::absolute(dataset)?;
-            let input = verify.open(dataset)?;
+            let input = verify.open_any(dataset)?;
             let written = suite::run(&plan, &input, &out.join(folder_of(dataset)), backend)?;
             results.push((folder_of(dataset), written.records));
         }

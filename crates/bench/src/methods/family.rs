@@ -75,6 +75,8 @@ pub struct Abilities {
     pub on_processor: bool,
     /// Training keyframes are looked up, and nothing is learnt from them.
     pub looks_up: bool,
+    /// Data sets are taken whose array stands still and whose transmitter moves.
+    pub fixed_array: bool,
 }
 
 /// Settings over a configuration's defaults, table by table: part of an inner table leaves the rest of it as it is in those defaults.

@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail, ensure};
 use corf::depth::DepthQuality;
 use corf::{Field, IdleKey, KeyframeTiming};
 use corf_scene::config::{ReceiverConfig, SpectrumKind};
-use corf_scene::dataset::Dataset;
+use corf_scene::dataset::{Dataset, FixedArray};
 use corf_scene::keyframe::{DbRange, Modalities};
 use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, Similarity3};
 use rayon::prelude::*;
@@ -97,6 +97,11 @@ impl<'a> TrainingSet<'a> {
     pub fn spectrum_of(&self, k: usize) -> Result<Raster<f32>> {
         let held = self.held.borrow().get(k).and_then(|held| Some(held.as_ref()?.radio.as_ref()?.spectrum.clone()));
         held.map_or_else(|| Ok(self.keyframe(k)?.radio.with_context(|| self.no_spectra())?.spectrum), Ok)
+    }
+
+    /// The array, where it stands still and the transmitter moves.
+    pub fn fixed_array(&self) -> Option<&FixedArray> {
+        self.dataset.fixed_array()
     }
 
     /// Whether there are images, and whether there are spectra.

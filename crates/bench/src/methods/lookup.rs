@@ -29,11 +29,19 @@ pub struct LookupConfig {
     pub keyframes: usize,
     /// Metres that one radian of rotation counts.
     pub metres_per_radian: f64,
+    /// Power of the inverse distance by which keyframes are weighed (1).
+    #[serde(skip_serializing_if = "is_one")]
+    pub power: i32,
+}
+
+/// Records of versions that weighed by the inverse distance alone say no power.
+fn is_one(power: &i32) -> bool {
+    *power == 1
 }
 
 impl Default for LookupConfig {
     fn default() -> Self {
-        Self { keyframes: BLENDED, metres_per_radian: METRES_PER_RADIAN }
+        Self { keyframes: BLENDED, metres_per_radian: METRES_PER_RADIAN, power: 1 }
     }
 }
 
@@ -61,6 +69,7 @@ pub const INVERSE_DISTANCE: Family = Family {
         emitters: false,
         on_processor: true,
         looks_up: true,
+        fixed_array: true,
     },
 };
 
@@ -77,6 +86,11 @@ impl Lookup {
     /// A key that is none of [`LookupConfig`].
     pub fn new(id: &str, settings: toml::Table) -> Result<Self> {
         let config: LookupConfig = settings.try_into()?;
+        ensure!(
+            (0..=16).contains(&config.power),
+            "power = {}\n  help: give 0 to 16; 1 is the inverse distance itself",
+            config.power
+        );
         Ok(Self { id: id.to_owned(), config })
     }
 }
@@ -137,8 +151,9 @@ impl Table {
         let mut near: Vec<(f64, &Observed)> = self.observed.iter().map(|o| (distance(o), o)).collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         near.truncate(self.config.keyframes.max(1));
-        let total: f64 = near.iter().map(|(d, _)| 1.0 / (d + SOFTENING_M)).sum();
-        near.into_iter().map(|(d, o)| ((1.0 / (d + SOFTENING_M) / total) as f32, o)).collect()
+        let weight = |d: f64| (1.0 / (d + SOFTENING_M)).powi(self.config.power);
+        let total: f64 = near.iter().map(|(d, _)| weight(*d)).sum();
+        near.into_iter().map(|(d, o)| ((weight(d) / total) as f32, o)).collect()
     }
 }
 

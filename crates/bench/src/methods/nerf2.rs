@@ -12,8 +12,8 @@ use crate::methods::stepwise::report_unless_kept;
 use crate::metrics::Prediction;
 use crate::terminal::interrupt;
 use anyhow::{Context, Result, ensure};
-use corf_baselines::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Trainer, TrainingRays};
-use corf_scene::dataset::Dataset;
+use corf_baselines::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Sight, Trainer, TrainingRays};
+use corf_scene::dataset::{Dataset, FixedArray};
 use corf_scene::keyframe::Modalities;
 use corf_scene::{Keyframe, Pinhole, Radio, Rigid3};
 use schemars::schema_for;
@@ -53,6 +53,7 @@ pub const FAMILY: Family = Family {
         emitters: false,
         on_processor: false,
         looks_up: false,
+        fixed_array: true,
     },
 };
 
@@ -81,6 +82,17 @@ impl Nerf2 {
         let config: Nerf2Config = over_defaults(settings)?;
         config.validate()?;
         Ok(Self { id: id.to_owned(), config, backend: backend.clone(), checkpoints: None })
+    }
+}
+
+/// The rays of a data set's pixels: those of a camera, or of an array that stands still.
+fn sight(array: Option<&FixedArray>, camera: Pinhole) -> Sight {
+    match array {
+        None => Sight::Moving(camera),
+        Some(array) => Sight::Fixed {
+            origin_m: array.position_m.map(|v| v as f32),
+            directions: array.directions().map(|d| [d.x as f32, d.y as f32, d.z as f32]),
+        },
     }
 }
 
@@ -131,8 +143,9 @@ impl Method for Nerf2 {
         seed: u64,
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
-        let (range, camera) = (training.required_db_range()?, training.radio_camera());
-        let mut rays = TrainingRays::new(camera, seed);
+        let range = training.required_db_range()?;
+        let sight = sight(training.fixed_array(), training.radio_camera());
+        let mut rays = TrainingRays::new(sight.clone(), seed);
         for k in 0..training.len() {
             let Keyframe { index, world_from_camera, radio, .. } = training.keyframe(k)?;
             let Radio { spectrum } = radio.with_context(|| format!("keyframe {index} has no spectrum"))?;
@@ -170,7 +183,7 @@ impl Method for Nerf2 {
                 let held = RefCell::new(trainer.as_mut());
                 let make = || -> Result<Option<Box<dyn Predictor>>> {
                     let field = Field { parameters: held.borrow_mut().state()?.parameters, ..field.clone() };
-                    let predictor = Nerf2Field { field, camera, backend: self.backend.clone(), trainer: None };
+                    let predictor = Nerf2Field { field, sight: sight.clone(), backend: self.backend.clone(), trainer: None };
                     Ok(Some(Box::new(predictor) as Box<dyn Predictor>))
                 };
                 let said = advance(Advance { predictor: Some(PredictorReader::new(&make)), ..Advance::of(done, total) });
@@ -182,7 +195,7 @@ impl Method for Nerf2 {
             }
         }
         field.parameters = trainer.state()?.parameters;
-        Ok(Box::new(Nerf2Field { field, camera, backend: self.backend.clone(), trainer: Some(trainer) }))
+        Ok(Box::new(Nerf2Field { field, sight, backend: self.backend.clone(), trainer: Some(trainer) }))
     }
 }
 
@@ -222,7 +235,7 @@ impl Checkpointer {
 /// A trained field.
 pub struct Nerf2Field {
     field: Field,
-    camera: Pinhole,
+    sight: Sight,
     backend: Backend,
     /// Made when it is first needed.
     trainer: Option<Box<dyn Trainer>>,
@@ -235,7 +248,7 @@ impl Nerf2Field {
     /// A missing or damaged file.
     pub fn load(run: &Path, dataset: &Dataset, backend: &Backend) -> Result<Self> {
         let field = Field::read(&run.join(FIELD))?;
-        Ok(Self { field, camera: dataset.radio_camera(), backend: backend.clone(), trainer: None })
+        Ok(Self { field, sight: sight(dataset.fixed_array(), dataset.radio_camera()), backend: backend.clone(), trainer: None })
     }
 }
 
@@ -245,7 +258,7 @@ impl Predictor for Nerf2Field {
             Some(trainer) => trainer,
             None => trainer(&self.backend, &self.field)?,
         };
-        let amplitudes = self.field.render(trainer.as_mut(), &self.camera, world_from_camera)?;
+        let amplitudes = self.field.render(trainer.as_mut(), &self.sight, world_from_camera)?;
         self.trainer = Some(trainer);
         ensure!(
             amplitudes.pixels().iter().all(|v| v.is_finite()),

@@ -45,6 +45,7 @@ pub const FAMILY: Family = Family {
         emitters: false,
         on_processor: false,
         looks_up: false,
+        fixed_array: false,
     },
 };
 

@@ -48,6 +48,7 @@ pub const FAMILY: Family = Family {
         emitters: false,
         on_processor: false,
         looks_up: false,
+        fixed_array: false,
     },
 };
 

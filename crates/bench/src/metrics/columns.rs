@@ -181,43 +181,43 @@ pub const COLUMNS: &[Column] = &[
         .is(|m| Some(m.spectrum?.ssim_rf_scalar), "structural similarity of that grey image")
         .within(-1.0, 1.0),
     Column::new("rmse_db_30", "RMSE within 30 dB, dB ↓", r"RMSE$_{30}^\downarrow$ (dB)", 2).is(
-        |m| Some(m.spectrum?.radio.rmse_db_30),
+        |m| Some(m.spectrum?.radio?.rmse_db_30),
         "root mean square error in dB over the pixels within 30 dB of the observed peak, both on the data set's decibel range",
     ),
     Column::new("rmse_db", "RMSE, dB ↓", r"RMSE$^\downarrow$ (dB)", 2)
-        .is(|m| Some(m.spectrum?.radio.rmse_db), "root mean square error in dB over all pixels, both on the data set's decibel range"),
+        .is(|m| Some(m.spectrum?.radio?.rmse_db), "root mean square error in dB over all pixels, both on the data set's decibel range"),
     Column::new("psp_similarity", "PSP similarity ↑", r"PSP$^\uparrow$", 3).is(
-        |m| Some(m.spectrum?.radio.psp_similarity),
+        |m| Some(m.spectrum?.radio?.psp_similarity),
         "1 − ½ Σ |ŜΩ/ΣŜΩ − SΩ/ΣSΩ|, in [0, 1] (power angular spectrum similarity, 3GPP TS 38.151)",
     )
         .within(0.0, 1.0),
     Column::new("total_power_error_db", "total power error, dB ↓", r"$|\Delta P|^\downarrow$ (dB)", 2)
-        .is(|m| Some(m.spectrum?.radio.total_power_error_db), "|10·log10(ΣŜΩ / ΣSΩ)|, dB: error of the power in the image"),
+        .is(|m| Some(m.spectrum?.radio?.total_power_error_db), "|10·log10(ΣŜΩ / ΣSΩ)|, dB: error of the power in the image"),
     Column::new("peak_error_deg", "peak AoA error, ° ↓", r"AoA$^\downarrow$ ($^\circ$)", 1)
-        .is(|m| Some(m.spectrum?.radio.peak_error_deg), PEAK)
+        .is(|m| Some(m.spectrum?.radio?.peak_error_deg), PEAK)
         .within(0.0, 180.0),
     Column::new("beam_loss_db", "beam loss, dB ↓", r"beam loss$^\downarrow$ (dB)", 2).is(
-        |m| Some(m.spectrum?.radio.beam_loss_db),
+        |m| Some(m.spectrum?.radio?.beam_loss_db),
         "10·log10(max S / S(argmax Ŝ)), dB: what a beam as narrow as a pixel, pointed at the predicted peak, loses",
     ),
     Column::new("energy_capture_1", "energy in best 1 % ↑", r"$E_{1\%}^\uparrow$", 3).is(
-        |m| Some(m.spectrum?.radio.energy_capture_1),
+        |m| Some(m.spectrum?.radio?.energy_capture_1),
         "share of the observed power inside the predicted strongest 1 % of the image's solid angle",
     )
         .within(0.0, 1.0),
     Column::new("energy_capture_5", "energy in best 5 % ↑", r"$E_{5\%}^\uparrow$", 3)
-        .is(|m| Some(m.spectrum?.radio.energy_capture_5), "the same of the strongest 5 %")
+        .is(|m| Some(m.spectrum?.radio?.energy_capture_5), "the same of the strongest 5 %")
         .within(0.0, 1.0),
     Column::new("azimuth_spread_error_deg", "azimuth spread error, ° ↓", r"$|\Delta\mathrm{ASA}|^\downarrow$ ($^\circ$)", 2).is(
-        |m| Some(m.spectrum?.radio.azimuth_spread_error_deg),
+        |m| Some(m.spectrum?.radio?.azimuth_spread_error_deg),
         "|difference| of the circular azimuth spreads √(−2 ln |Σ SΩ e^{jφ} / Σ SΩ|), degrees (3GPP TR 38.901, Annex A; array frame)",
     ),
     Column::new("peak_error_median_deg", "median peak AoA error, ° ↓", r"AoA$_{50}^\downarrow$ ($^\circ$)", 1)
-        .is(|m| Some(m.spectrum?.radio.peak_error_deg), PEAK)
+        .is(|m| Some(m.spectrum?.radio?.peak_error_deg), PEAK)
         .by(Statistic::Median)
         .within(0.0, 180.0),
     Column::new("peak_error_p90_deg", "P90 peak AoA error, ° ↓", r"AoA$_{90}^\downarrow$ ($^\circ$)", 1)
-        .is(|m| Some(m.spectrum?.radio.peak_error_deg), PEAK)
+        .is(|m| Some(m.spectrum?.radio?.peak_error_deg), PEAK)
         .by(Statistic::P90)
         .within(0.0, 180.0),
     Column::new("codebook_loss_db", "8×8 beam loss, dB ↓", r"$8{\times}8$ beam loss$^\downarrow$ (dB)", 2)

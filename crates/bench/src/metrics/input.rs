@@ -26,6 +26,14 @@ impl Verify {
         !self.no_verify
     }
 
+    /// Opens a dataset of either kind, checked if wanted: see [`Dataset::fixed_array`].
+    ///
+    /// # Errors
+    /// Those of [`Self::open`], but for the kind.
+    pub fn open_any(self, folder: &Path) -> Result<Input> {
+        Input::of(Dataset::open_any(folder)?, self.wanted())
+    }
+
     /// Opens a dataset, checked if wanted.
     ///
     /// # Errors

@@ -135,9 +135,9 @@ pub struct SpectrumMetrics {
     pub psnr_rf_scalar: f64,
     /// SSIM of the 8-bit scalar spectrum.
     pub ssim_rf_scalar: f64,
-    /// Physical metrics of the spectrum.
+    /// Physical metrics of the spectrum; none of grey levels whose unit is not known.
     #[serde(flatten)]
-    pub radio: radio::RadioMetrics,
+    pub radio: Option<radio::RadioMetrics>,
     /// What the beam that the prediction would choose loses; records made before it was computed have none, nor have spectra without beams.
     #[serde(flatten)]
     pub beams: Option<BeamMetrics>,
@@ -171,6 +171,8 @@ struct SpectrumEvaluator {
     range: DbRange,
     codebook: Option<Codebook>,
     free_space: Option<FreeSpaceLink>,
+    /// Whether values are powers and pixels have a camera; grey levels of an array that stands still have neither.
+    physical: bool,
 }
 
 impl Evaluator {
@@ -179,6 +181,7 @@ impl Evaluator {
         let dataset = &input.dataset;
         let spectra = dataset.db_range().map(|range| SpectrumEvaluator {
             free_space: FreeSpaceLink::of(dataset.header()),
+            physical: dataset.fixed_array().is_none(),
             ..SpectrumEvaluator::new(dataset.radio_camera(), range, dataset.header().quantity)
         });
         Self { spectra, networks: input.networks.clone() }
@@ -227,7 +230,7 @@ impl Evaluator {
 
 impl SpectrumEvaluator {
     fn new(radio_camera: Pinhole, range: DbRange, quantity: Quantity) -> Self {
-        Self { radio_camera, range, codebook: Codebook::of(radio_camera, quantity), free_space: None }
+        Self { radio_camera, range, codebook: Codebook::of(radio_camera, quantity), free_space: None, physical: true }
     }
 
     fn pair<'a>(&self, predicted: PredictedSpectrum<'a>, truth: &'a Raster<f32>) -> SpectrumPair<'a> {
@@ -256,7 +259,7 @@ impl SpectrumEvaluator {
             ssim_rf_jet: image::ssim(jet, jet_truth, None),
             psnr_rf_scalar: image::psnr(&grey, grey_truth, None),
             ssim_rf_scalar: image::ssim(&grey, grey_truth, None),
-            radio: radio::compare(predicted.scalar, truth, &self.radio_camera, &self.range),
+            radio: self.physical.then(|| radio::compare(predicted.scalar, truth, &self.radio_camera, &self.range)),
             beams: beams.map(|b| b.0),
             link: beams.map(|b| b.1),
         }
@@ -424,6 +427,6 @@ mod tests {
         // Under the dataset's floor there is power still: what was observed is not clipped, a prediction is.
         *spectrum(&mut truth) = Raster::filled(48, 32, 1e-12);
         let faint = finite(&evaluator.compare(nothing.halves(), &truth));
-        assert_eq!((faint.radio.rmse_db, faint.radio.total_power_error_db), (0.0, 70.0));
+        assert_eq!(faint.radio.map(|r| (r.rmse_db, r.total_power_error_db)), Some((0.0, 70.0)));
     }
 }

@@ -282,7 +282,7 @@ pub fn read_archive(path: &Path) -> Result<Vec<Record>> {
 
 /// Median and 90th percentile of the peak AoA error of frames with spectra, degrees.
 fn peak_errors(frames: &[FrameMetrics]) -> Option<[f64; 2]> {
-    let mut errors: Vec<f64> = frames.iter().filter_map(|f| Some(f.spectrum?.radio.peak_error_deg)).collect();
+    let mut errors: Vec<f64> = frames.iter().filter_map(|f| Some(f.spectrum?.radio?.peak_error_deg)).collect();
     errors.sort_by(f64::total_cmp);
     (!errors.is_empty()).then(|| [quantile(&errors, 0.5), quantile(&errors, 0.9)])
 }

@@ -1,6 +1,8 @@
 //! Runs one cell: a method on a dataset with a seed. Keeps the clock and writes the record.
 
+use crate::methods::abilities;
 use crate::methods::interface::{Advance, Method, Predictor, StageTime, TrainingSet};
+use crate::methods::registry;
 use crate::metrics::input::Input;
 use crate::metrics::{FrameMetrics, Prediction};
 use crate::record::prediction_folder::PredictionFolder;
@@ -45,6 +47,15 @@ pub struct Reconstruction {
 /// # Errors
 /// Fewer training keyframes than the method needs; images or spectra that it needs and the dataset lacks.
 pub fn check_training(method: &dyn Method, dataset: &Dataset, split: &Split) -> Result<()> {
+    if dataset.fixed_array().is_some() && !abilities(method.id()).fixed_array {
+        bail!(
+            "{} reconstructs what a moving receiver sees through a pinhole, and in {} the array stands still, sees a half-sphere, and the transmitter \
+             moves\n  help: choose {}",
+            method.id(),
+            dataset.dir().display(),
+            registry::that(|can| can.fixed_array)
+        );
+    }
     let (has, needs) = (dataset.modalities(), method.needs());
     for (missing, what, flag) in
         [(needs.light && !has.light, "images", "--images or another --from"), (needs.radio && !has.radio, "spectra", "--rf")]

@@ -54,9 +54,27 @@ pub fn raster_of(folder: &Path, info: &RunInfo) -> Result<Option<RasterConfig>> 
 /// # Errors
 /// A folder without `run.json` (not a run, or not finished), a changed dataset, a damaged field.
 pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Backend) -> Result<OpenRun> {
+    open_with(|place| Dataset::open(place), folder, dataset, verify, backend)
+}
+
+/// The same of a data set of either kind: see [`Dataset::fixed_array`].
+///
+/// # Errors
+/// Those of [`open`], but for the kind.
+pub fn open_any(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Backend) -> Result<OpenRun> {
+    open_with(|place| Dataset::open_any(place), folder, dataset, verify, backend)
+}
+
+fn open_with(
+    open: impl FnOnce(&Path) -> corf_scene::Result<Dataset>,
+    folder: &Path,
+    dataset: Option<&Path>,
+    verify: Verify,
+    backend: &Backend,
+) -> Result<OpenRun> {
     let info = read_info(folder)?;
     let place = dataset.unwrap_or(&info.dataset);
-    let dataset = Dataset::open(place).with_context(|| "the run's dataset cannot be opened; name its place with --dataset")?;
+    let dataset = open(place).with_context(|| "the run's dataset cannot be opened; name its place with --dataset")?;
     // Which dataset it is comes first: another one is whole as well.
     ensure!(
         dataset.hash() == info.dataset_hash,

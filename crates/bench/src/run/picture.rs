@@ -52,6 +52,11 @@ impl Picture {
     /// A keyframe that is not held out, one that cannot be read, a file within the data set.
     pub fn choose(&mut self, of: &str, dataset: &Dataset, split: &Split) -> Result<()> {
         keep_apart("--figure", &self.file, &[Reads::Folder(dataset.dir())])?;
+        ensure!(
+            dataset.fixed_array().is_none(),
+            "--figure: a figure shows what a camera saw, and in {} an array stands still and sees a half-sphere\n  help: leave it out",
+            dataset.dir().display()
+        );
         split.check_held_out()?;
         let index = match self.keyframe {
             Some(index) => {

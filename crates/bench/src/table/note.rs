@@ -86,6 +86,12 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
              made from)."
         );
     }
+    let levels =
+        rows.iter().flat_map(|r| &r.done).flat_map(|(_, n)| &n.frames).any(|f| f.spectrum.is_some_and(|s| s.radio.is_none()));
+    if levels {
+        note += " Spectra are grey levels of a unit that is not known, at an array that stands still: PSNR and SSIM rf (dB) are of the levels as they \
+                 stand, those of Jet of their colours, and what needs powers or a camera is not computed.";
+    }
     let masked_out = rows.iter().flat_map(|r| &r.done).map(|(_, numbers)| numbers.masked_out()).max().unwrap_or(0);
     if masked_out > 0 {
         let _ = write!(

@@ -61,10 +61,8 @@ fn capture(options: &CaptureOptions) -> Result<Capture> {
         Format::CorfFolder => plain::read(source, &images, wanted),
         Format::Nerf2 => Err(Error::invalid(
             &place,
-            "a NeRF\u{b2} set cannot be imported: its receiver stands still and its transmitter moves, and its spectra cover a half-sphere by azimuth \
-             and elevation. A keyframe here is a moving receiver that looks through a pinhole at a fixed transmitter; with the roles swapped the angles \
-             would have to be those of departure, which the files do not hold",
-            "record or simulate with a moving receiver (`corf dataset generate`); NeRF\u{b2} itself can be run on that with --method nerf2",
+            "a NeRF\u{b2} set is no capture: its receiver stands still and its transmitter moves. It becomes a data set of another kind",
+            "call dataset::import_fixed_array, as `corf dataset import --from nerf2` does",
         )),
     }?;
     if let Some(pair) = capture.shots.windows(2).find(|w| w[0].name == w[1].name) {

@@ -21,6 +21,7 @@ mod conventions;
 mod darkness;
 mod export;
 mod file;
+mod fixed_array;
 mod foreign;
 mod header;
 mod identity;
@@ -34,6 +35,7 @@ mod writer;
 pub use conventions::{Conventions, EQUIRECTANGULAR_AXES};
 pub use export::ColoredPoint;
 pub(crate) use export::{Besides, transforms_json};
+pub use fixed_array::{FIXED_ARRAY_SCHEMA, FixedArray, ImportedArray, import_fixed_array};
 pub use header::{
     DATASET_SCHEMA, DatasetHeader, Imported, MaterialRecord, MeanAndRange, OnSurface, Quantity, SamplingError, StatedSensor,
     StatedSplit,

@@ -3,6 +3,7 @@
 use super::checks::{check_spectrum, own_file};
 use super::conventions::Conventions;
 use super::file::DatasetFile;
+use super::fixed_array::{self, FIXED_ARRAY_SCHEMA, FixedArray};
 use super::header::{DATASET_SCHEMA, DatasetHeader, Imported, MeanAndRange, from_json, read_trajectory};
 use super::{foreign, layout};
 use crate::keyframe::{DbRange, Light, Modalities, Radio};
@@ -17,6 +18,7 @@ pub struct Dataset {
     dir: PathBuf,
     file: DatasetFile,
     hash: String,
+    fixed_array: Option<FixedArray>,
 }
 
 impl Dataset {
@@ -25,6 +27,23 @@ impl Dataset {
     /// # Errors
     /// The folder holds no finished dataset, one of another version, or a pose that is none.
     pub fn open(dir: impl AsRef<Path>) -> Result<Self> {
+        let dataset = Self::open_any(dir)?;
+        if dataset.fixed_array.is_some() {
+            return Err(Error::invalid(
+                dataset.dir.display().to_string(),
+                "its array stands still and its transmitter moves: there are no cameras and no poses of a platform, which are needed here",
+                "such data sets are for `corf reconstruct` and `corf bench` with nearest, inverse-distance or nerf2, `corf evaluate`, `corf dataset \
+                 validate` and `corf dataset export --to nerf2`",
+            ));
+        }
+        Ok(dataset)
+    }
+
+    /// The same for whoever knows both kinds of data sets: [`Self::fixed_array`] tells which it is.
+    ///
+    /// # Errors
+    /// Those of [`Self::open`], but for a data set of the second kind.
+    pub fn open_any(dir: impl AsRef<Path>) -> Result<Self> {
         let dir = dir.as_ref();
         let path = dir.join(layout::DATASET_JSON);
         if !path.exists() {
@@ -40,6 +59,10 @@ impl Dataset {
         // The schema first: a file of another version should say so, not complain about its keys.
         let value: serde_json::Value = from_json(&text, &path)?;
         let schema = value.get("schema").and_then(|s| s.as_str()).unwrap_or("(none)");
+        if schema == FIXED_ARRAY_SCHEMA {
+            let (file, array) = fixed_array::open(dir, &text)?;
+            return Ok(Self { dir: dir.to_path_buf(), file, hash, fixed_array: Some(array) });
+        }
         if schema != DATASET_SCHEMA {
             return Err(Error::invalid(
                 path.display().to_string(),
@@ -80,7 +103,13 @@ impl Dataset {
         if let Some(frequency_hz) = file.header.frequency_hz {
             bounds::number(&key("header.frequency_hz"), frequency_hz, &bounds::FREQUENCY_HZ, "Hz")?;
         }
-        Ok(Self { dir: dir.to_path_buf(), file, hash })
+        Ok(Self { dir: dir.to_path_buf(), file, hash, fixed_array: None })
+    }
+
+    /// The array of a data set whose array stands still and whose transmitter moves; none of one of the first kind. There a pose is the
+    /// transmitter's place, without a turn, and a spectrum's value has a place in [`Self::db_range`] that is its grey level, and no decibels.
+    pub fn fixed_array(&self) -> Option<&FixedArray> {
+        self.fixed_array.as_ref()
     }
 
     /// The folder.
@@ -228,6 +257,9 @@ impl Dataset {
     }
 
     fn radio_of(&self, index: usize) -> Result<Radio> {
+        if self.fixed_array.is_some() {
+            return Ok(Radio { spectrum: fixed_array::spectrum(&self.dir, index)? });
+        }
         let name = layout::spectrum(index);
         let spectrum = self.sized(index, &name, &self.radio_camera(), own_file(&self.dir, &name).and_then(io::read_exr_f32))?;
         check_spectrum(&spectrum, &format!("{}: keyframe {index}", self.dir.join(&name).display()))?;

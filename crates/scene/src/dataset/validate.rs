@@ -5,7 +5,7 @@ use super::checks::own_file;
 use super::darkness::{self, Sight};
 use super::export::Modality as Modalities;
 use super::writer::STATED_RANGE_TOLERANCE_DB;
-use super::{Dataset, layout};
+use super::{Dataset, fixed_array, layout};
 use crate::finding::Finding;
 use crate::{Error, Pinhole, Result, Rigid3, io};
 use glam::{DMat3, DQuat, DVec3};
@@ -25,7 +25,7 @@ const NAMED: usize = 5;
 /// # Errors
 /// Only where nothing can be said about the folder, because it is no readable dataset at all.
 pub fn validate(dir: impl AsRef<Path>) -> Result<Vec<Finding>> {
-    let dataset = Dataset::open(dir)?;
+    let dataset = Dataset::open_any(dir)?;
     // Nothing is read of a data set that names what is not its own.
     let foreign = dataset.file().files.keys().filter_map(|name| own_file(dataset.dir(), name).err());
     let foreign: Vec<Finding> = foreign.map(of_error).collect();
@@ -33,6 +33,10 @@ pub fn validate(dir: impl AsRef<Path>) -> Result<Vec<Finding>> {
         return Ok(foreign);
     }
     let mut findings = check_files(&dataset)?;
+    if dataset.fixed_array().is_some() {
+        findings.extend(fixed_array::check(dataset.dir(), dataset.len(), dataset.conventions()));
+        return Ok(findings);
+    }
     let of_frames: Vec<(Vec<Finding>, Option<Seen>)> =
         (0..dataset.len()).into_par_iter().map(|i| check_keyframe(&dataset, i)).collect();
     let sights: Vec<Sight> = of_frames.iter().filter_map(|(_, seen)| Some(seen.as_ref()?.sight)).collect();

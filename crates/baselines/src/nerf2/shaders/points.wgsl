@@ -10,7 +10,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let at = i % stride;
     if (point >= chunk.rays * chunk.samples) { return; }
     let width = 3u + 6u * chunk.frequencies;
-    let ray = 2u * (chunk.first_ray + point / chunk.samples);
+    let ray = 3u * (chunk.first_ray + point / chunk.samples);
     let direction = rays[ray + 1u].xyz;
     var out = vec4(0.0);
     if (at < chunk.position_stride) {
@@ -28,7 +28,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
             if (column < width) {
                 out[n] = encoded(direction, column);
             } else if (column < 2u * width) {
-                out[n] = encoded(chunk.transmitter.xyz, column - width);
+                out[n] = encoded(rays[ray + 2u].xyz, column - width);
             }
         }
         outside[point * chunk.outside_stride + at - chunk.position_stride] = out;

@@ -51,7 +51,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     amplitudes[chunk.first_ray + ray] = amplitude;
     var u = vec2(0.0);
     if (amplitude > 0.0) { u = sum / amplitude; }
-    let g = rays[2u * (chunk.first_ray + ray) + 1u].w * (amplitude - rays[2u * (chunk.first_ray + ray)].w);
+    let g = rays[3u * (chunk.first_ray + ray) + 1u].w * (amplitude - rays[3u * (chunk.first_ray + ray)].w);
     // Σ over samples behind k of what each adds along the sum, and across it.
     var along_behind = 0.0;
     var across_behind = 0.0;

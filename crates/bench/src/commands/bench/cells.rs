@@ -100,7 +100,7 @@ impl PlanCommand {
         let mut plan = Plan::load(&self.plan)?;
         keep_apart("--out", &self.out, &[Reads::Folder(&plan.dataset)])?;
         let networks = self.lpips.read()?;
-        let input = self.verify.open(&plan.dataset)?.with_networks(&networks)?;
+        let input = self.verify.open_any(&plan.dataset)?.with_networks(&networks)?;
         plan.make_absolute()?;
         cells::check_rows(&plan, &input.dataset)?;
         let _held = claim_output(&self.out, self.resume)?;
@@ -243,7 +243,7 @@ impl Collect {
             }
         }
         let Some(written) = written else { return Ok(Verdict::Done) };
-        let text = format!("{}\nreport: {}", written.text(), written.report.display());
+        let text = format!("{}\n{}", written.text(), written.place());
         let all: Vec<Record> = [written.records, written.segment].concat();
         show(as_json, &all, &text)?;
         Ok(Verdict::of(&all))

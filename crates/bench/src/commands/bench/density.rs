@@ -39,7 +39,7 @@ impl Density {
         plan.make_absolute()?;
         keep_apart("--out", &self.cells.out, &[Reads::Folder(&plan.dataset)])?;
         let networks = self.lpips.read()?;
-        let input = self.cells.verify.open(&plan.dataset)?.with_networks(&networks)?;
+        let input = self.cells.verify.open_any(&plan.dataset)?.with_networks(&networks)?;
         let backend = self.cells.device.resolve()?;
         let density = density::Density::new(plan, &self.every, &self.metric, &input.dataset)?;
         let _held = claim_output(&self.cells.out, self.cells.resume)?;

@@ -200,12 +200,12 @@ impl Run {
         plan.make_absolute()?;
         keep_apart("--out", &self.cells.out, &[Reads::Folder(&plan.dataset)])?;
         let networks = self.lpips.read()?;
-        let input = self.cells.verify.open(&plan.dataset)?.with_networks(&networks)?;
+        let input = self.cells.verify.open_any(&plan.dataset)?.with_networks(&networks)?;
         let backend = self.cells.device.resolve()?;
         check_rows(&plan, &input.dataset)?;
         let _held = claim_output(&self.cells.out, self.cells.resume)?;
         let written = suite::run(&plan, &input, &self.cells.out, &backend)?;
-        let text = format!("{}\nreport: {}", written.text(), written.report.display());
+        let text = format!("{}\n{}", written.text(), written.place());
         let all = [written.records, written.segment].concat();
         show(json, &all, &text)?;
         Ok(Verdict::of(&all))
@@ -275,14 +275,10 @@ impl Pack {
 impl Report {
     fn run(self, json: bool) -> Result<Verdict> {
         let (plan, records) = suite::load(&self.folder)?;
-        let dataset = self.verify.open(&plan.dataset)?.dataset;
+        let dataset = self.verify.open_any(&plan.dataset)?.dataset;
         let _held = claim_shared(&self.folder)?;
         let written = suite::write_results(&plan, &dataset, records, &self.folder)?;
-        show(
-            json,
-            &serde_json::json!({ "report": written.report, "table": written.table }),
-            &written.report.display().to_string(),
-        )?;
+        show(json, &serde_json::json!({ "report": written.report, "table": written.table }), &written.place())?;
         Ok(Verdict::Done)
     }
 }

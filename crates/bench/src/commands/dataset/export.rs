@@ -17,7 +17,7 @@ use corf_scene::dataset::{Dataset, keyframe_npz, stem};
 use corf_scene::export::nerfstudio::Nerfstudio;
 use corf_scene::export::rf_3dgs::Rf3dgs;
 use corf_scene::export::{File, FolderExport};
-use corf_scene::io::write_atomic;
+use corf_scene::io::{read, write_atomic};
 use corf_scene::words::counted;
 use std::path::PathBuf;
 
@@ -56,7 +56,8 @@ enum Form {
     /// Images and Jet spectra over one COLMAP model, for RF-3DGS; spectra are resampled to the frame of the images where they show more.
     #[value(name = "rf-3dgs")]
     Rf3dgs,
-    /// Spectra at an array that stands still, by places of the transmitter, for NeRF² and WRF-GS: traced anew in the data set's scene with its
+    /// Spectra at an array that stands still, by places of the transmitter, for NeRF² and WRF-GS: a set that was imported from that layout byte for
+    /// byte; of another one traced anew in the data set's scene with its
     /// settings, the transmitter where the platform was.
     Nerf2,
 }
@@ -89,7 +90,11 @@ impl Export {
             return Err(Error::invalid(*flag, "nothing is traced in this form", "leave it out, or say --to nerf2").into());
         }
         keep_apart("--out", &self.out, &[Reads::Folder(&self.folder)])?;
-        let Input { dataset, .. } = self.verify.open(&self.folder)?;
+        let Input { dataset, .. } = self.verify.open_any(&self.folder)?;
+        if dataset.fixed_array().is_some() && self.to != Form::Nerf2 {
+            let what = "its array stands still and its transmitter moves, which this form cannot say";
+            return Err(Error::invalid(self.folder.display().to_string(), what, "export it --to nerf2").into());
+        }
         let export: Box<dyn FolderExport> = match self.to {
             Form::Numpy => Box::new(Archives(&dataset)),
             Form::Nerfstudio => Box::new(Nerfstudio::new(&dataset)?),
@@ -123,11 +128,35 @@ impl Export {
 
     /// Traces and writes a set in NeRF²'s layout.
     fn nerf2(&self, dataset: &Dataset, json: bool) -> Result<Verdict> {
+        if dataset.fixed_array().is_some() {
+            return self.as_published(dataset, json);
+        }
         let gateway = Gateway { position: self.gateway.map(|p| p.0), towards: self.gateway_towards.map(|p| p.0) };
         let set = Nerf2Set::new(dataset, self.scene.as_deref(), gateway)?;
         let folder = claim_fresh(&self.out)?;
         for (name, bytes) in set.trace()? {
             write_atomic(folder.path().join(name), &bytes)?;
+        }
+        folder.finish()?;
+        self.report(dataset, json)
+    }
+
+    /// Writes the files of a set that was imported from this layout, byte for byte.
+    fn as_published(&self, dataset: &Dataset, json: bool) -> Result<Verdict> {
+        let given = [
+            ("--scene", self.scene.is_some()),
+            ("--gateway", self.gateway.is_some()),
+            ("--gateway-towards", self.gateway_towards.is_some()),
+        ];
+        if let Some((flag, _)) = given.iter().find(|(_, given)| *given) {
+            let what = "nothing is traced: the set goes out as it came in";
+            return Err(Error::invalid(*flag, what, "leave it out").into());
+        }
+        let folder = claim_fresh(&self.out)?;
+        for (name, _, _) in dataset.listed_files() {
+            interrupt::check()?;
+            let inside = name.strip_prefix("nerf2/").unwrap_or(name);
+            write_atomic(folder.path().join(inside), &read(dataset.own_file(name)?)?)?;
         }
         folder.finish()?;
         self.report(dataset, json)

@@ -14,7 +14,7 @@ use corf_scene::capture::{
     self, ArrayOptions, CaptureOptions, Format, Offset, RadioCamera, RadioValues, SensorOptions, Spacing, SplitRule, Up,
 };
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
-use corf_scene::dataset::{Dataset, Quantity};
+use corf_scene::dataset::{Dataset, Quantity, import_fixed_array};
 use corf_scene::keyframe::DbRange;
 use corf_scene::words::counted;
 use std::path::PathBuf;
@@ -126,7 +126,8 @@ enum Layout {
     /// COLMAP model, spectra in spectrum/ (or in images/, where there is none), train_index.txt and test_index.txt.
     #[value(name = "rf-3dgs")]
     Rf3dgs,
-    /// NeRF²: refused, for its receiver stands still and its transmitter moves.
+    /// NeRF²: gateway_info.yml, tx_pos.csv, spectrum/, train_index.txt and test_index.txt. Its array stands still and its transmitter moves: a data
+    /// set of the second kind, kept as it is.
     Nerf2,
     /// trajectory.json, camera.json and images/: for captures of no program (docs/import.md).
     CorfFolder,
@@ -262,6 +263,80 @@ impl FromStr for OffsetArgument {
 }
 
 impl Import {
+    /// Imports a set whose array stands still, as it is.
+    fn fixed_array(self, json: bool) -> Result<Verdict> {
+        let given = [
+            ("--images", self.images.is_some()),
+            ("--no-images", self.no_images),
+            ("--rf", self.radio.is_some()),
+            ("--rf-camera", self.radio_camera.is_some()),
+            ("--rf-db", self.radio_db.is_some()),
+            ("--rf-values", self.radio_values.is_some()),
+            ("--rf-quantity", self.radio_quantity.is_some()),
+            ("--frequency-hz", self.frequency_hz.is_some()),
+            ("--dynamic-range-db", self.dynamic_range_db.is_some()),
+            ("--depth", self.depth.is_some()),
+            ("--depth-unit", self.depth_unit.is_some()),
+            ("--masks", self.masks.is_some()),
+            ("--up", self.up.is_some()),
+            ("--scale", self.scale != 1.0),
+            ("--offset", self.offset.is_some()),
+            ("--split", self.split.is_some()),
+            ("--ignore-masks", self.ignore_masks),
+            ("--rf-kind", self.radio_kind.is_some()),
+            ("--rf-array", self.radio_array.is_some()),
+            ("--rf-spacing", self.radio_spacing.is_some()),
+            ("--rf-pattern", self.radio_pattern.is_some()),
+            ("--rf-rear", self.radio_rear.is_some()),
+            ("--rf-lobe-width-deg", self.radio_lobe_width_deg.is_some()),
+            ("--rf-loading", self.radio_loading.is_some()),
+        ];
+        if let Some((flag, _)) = given.iter().find(|(_, given)| *given) {
+            anyhow::bail!(
+                "{flag}: a set in the layout nerf2 is kept as it was published, frames, levels and lists\n  help: leave it out"
+            );
+        }
+        keep_apart("--out", &self.out, &[Reads::Folder(&self.source)])?;
+        let name = match &self.name {
+            Some(name) => name.clone(),
+            None => {
+                let whole = std::path::absolute(&self.source)?;
+                whole.file_name().map_or_else(|| "nerf2".to_owned(), |name| name.to_string_lossy().into_owned())
+            }
+        };
+        let folder = claim_fresh(&self.out)?;
+        let progress = Mutex::new(Progress::start(format!("import of {}", self.source.display()), 1, "spectra"));
+        let on_progress = |done: usize, all: usize| -> Result<()> {
+            if let Ok(mut progress) = progress.lock() {
+                progress.set(done, all);
+            }
+            interrupt::check()
+        };
+        let imported = import_fixed_array(&self.source, folder.path(), &name, &on_progress);
+        if let Ok(progress) = progress.into_inner() {
+            progress.finish();
+        }
+        let report = imported?;
+        let dataset = Dataset::open_any(folder.path())?;
+        folder.finish()?;
+        report.notes.iter().for_each(|line| note!("{line}"));
+        let text = format!(
+            "{}: {} places of the transmitter, spectra of grey levels at an array that stands still, hash {}",
+            self.out.display(),
+            report.keyframes,
+            dataset.hash()
+        );
+        let about = serde_json::json!({
+            "name": name,
+            "keyframes": report.keyframes,
+            "array": dataset.fixed_array(),
+            "conventions": dataset.conventions(),
+            "hash": dataset.hash(),
+        });
+        show(json, &about, &text)?;
+        Ok(Verdict::Done)
+    }
+
     fn options(&self) -> Result<CaptureOptions> {
         let format = match self.from {
             Layout::Colmap => Format::Colmap,
@@ -353,6 +428,9 @@ impl Import {
     /// # Errors
     /// A capture that cannot be read or leaves something open, an occupied output folder, an interrupt; nothing is left then.
     pub fn run(self, json: bool) -> Result<Verdict> {
+        if matches!(self.from, Layout::Nerf2) {
+            return self.fixed_array(json);
+        }
         let options = self.options()?;
         // A new folder beside a capture's own is no fault; one that is the capture, or lies among its files, is.
         let own = ["images", "sparse", "depth", "masks"]

@@ -87,7 +87,7 @@ impl DatasetCommand {
             Self::Validate { folder, strict } => {
                 let findings = dataset::validate(&folder)?;
                 if !json {
-                    print(&summary(&Dataset::open(&folder)?))?;
+                    print(&summary(&Dataset::open_any(&folder)?))?;
                 }
                 let warned = findings.iter().any(|f| f.severity == Severity::Warning);
                 match super::findings(json, &findings)? {
@@ -102,6 +102,16 @@ impl DatasetCommand {
 /// Summary of a dataset's content, in a line or two.
 fn summary(dataset: &Dataset) -> String {
     let header = dataset.header();
+    if let Some(array) = dataset.fixed_array() {
+        let [x, y, z] = array.position_m;
+        return format!(
+            "{}: {} places of the transmitter, spectra of {}x{} grey levels at an array that stands at ({x}, {y}, {z}) m",
+            header.name,
+            dataset.len(),
+            array.azimuths,
+            array.elevations
+        );
+    }
     let spectra = match (header.modalities.radio, header.spectrum) {
         (false, _) => "no spectra".to_owned(),
         (true, None) => "imported spectra".to_owned(),

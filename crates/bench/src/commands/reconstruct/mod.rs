@@ -199,7 +199,7 @@ impl Reconstruct {
         if port.is_some() {
             Watching::check(method.as_ref())?;
         }
-        let input = self.verify.open(dataset_folder)?;
+        let input = self.verify.open_any(dataset_folder)?;
         let dataset = &input.dataset;
         let split = Split::of(dataset, protocol)?;
         harness::check_training(method.as_ref(), dataset, &split)?;

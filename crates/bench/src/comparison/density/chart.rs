@@ -24,10 +24,11 @@ pub(super) fn svg(results: &Results, metrics: &[&Column]) -> Result<String> {
     let (low, high) = extent(results.steps.iter().map(|step| distance(step.nearest_training_m)));
     let x = Scale::logarithmic(low / 1.25, high * 1.25).context("cannot draw distances")?;
     for (at, metric) in metrics.iter().enumerate() {
-        let ends = results.steps.iter().flat_map(|step| &step.rows).filter_map(|row| summarize(&row.values(at))).flat_map(|s| {
-            let half = s.half_width_95.unwrap_or(0.0);
-            [s.mean - half, s.mean + half]
-        });
+        let ends =
+            results.steps.iter().flat_map(|step| &step.rows).filter_map(|row| summarize(&row.values(metric.key))).flat_map(|s| {
+                let half = s.half_width_95.unwrap_or(0.0);
+                [s.mean - half, s.mean + half]
+            });
         let ends: Vec<f64> = ends.collect();
         if ends.is_empty() {
             svg.text(
@@ -55,7 +56,9 @@ pub(super) fn svg(results: &Results, metrics: &[&Column]) -> Result<String> {
             let points: Vec<_> = results
                 .steps
                 .iter()
-                .filter_map(|step| Some((distance(step.nearest_training_m), summarize(&step.rows.get(number)?.values(at))?)))
+                .filter_map(|step| {
+                    Some((distance(step.nearest_training_m), summarize(&step.rows.get(number)?.values(metric.key))?))
+                })
                 .collect();
             plot.line(points.iter().map(|(m, s)| (*m, s.mean)), stroke);
             plot.points(points.iter().map(|(m, s)| (*m, s.mean)), 4.0, colour, !row.looks_up);
@@ -65,8 +68,7 @@ pub(super) fn svg(results: &Results, metrics: &[&Column]) -> Result<String> {
                 }
             }
             let mine = results.overtaking.iter().find(|o| o.metric == metric.key && o.row == row.row);
-            if let Some(summary) = mine.and_then(|o| o.distance_m) {
-                let place = distance(summary.mean);
+            if let Some(place) = mine.and_then(|o| o.distance_m).map(distance) {
                 plot.line([(place, low - pad), (place, high + pad)], Stroke { dash: Some(2.0), ..Stroke::of(colour, 1.0) });
             }
             legend.push((Mark::Line(stroke), row.row.as_str()));

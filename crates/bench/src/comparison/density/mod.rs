@@ -27,6 +27,7 @@ use anyhow::{Context, Result, ensure};
 use corf_scene::dataset::Dataset;
 use corf_scene::io::write_atomic;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
@@ -91,19 +92,19 @@ pub struct StepRow {
 pub struct StepSeed {
     /// The seed.
     pub seed: u64,
-    /// Values of the metrics, in their order; none where the cell failed.
-    pub values: Vec<Option<f64>>,
+    /// Values of the metrics by key; none where the cell failed.
+    pub values: BTreeMap<&'static str, f64>,
 }
 
 impl StepRow {
-    /// A metric, by its place, of a seed.
-    fn value(&self, metric: usize, seed: u64) -> Option<f64> {
-        self.seeds.iter().find(|s| s.seed == seed)?.values[metric]
+    /// A metric of a seed.
+    fn value(&self, metric: &str, seed: u64) -> Option<f64> {
+        self.seeds.iter().find(|s| s.seed == seed)?.values.get(metric).copied()
     }
 
     /// A metric of all finished seeds.
-    fn values(&self, metric: usize) -> Vec<f64> {
-        self.seeds.iter().filter_map(|s| s.values[metric]).collect()
+    fn values(&self, metric: &str) -> Vec<f64> {
+        self.seeds.iter().filter_map(|s| s.values.get(metric).copied()).collect()
     }
 }
 
@@ -194,11 +195,11 @@ impl Density {
         distances.sort_by(f64::total_cmp);
         let mut rows: Vec<StepRow> = Vec::new();
         for record in folds::together(records).iter() {
-            let values = |column: &&Column| match &record.outcome {
-                Outcome::Done(numbers) => numbers.value(column),
+            let value = |column: &&'static Column| match &record.outcome {
+                Outcome::Done(numbers) => Some((column.key, numbers.value(column)?)),
                 Outcome::Failed { .. } => None,
             };
-            let seed = StepSeed { seed: record.seed, values: self.metrics.iter().map(values).collect() };
+            let seed = StepSeed { seed: record.seed, values: self.metrics.iter().filter_map(value).collect() };
             match rows.iter_mut().find(|row| row.row == record.row) {
                 Some(row) => row.seeds.push(seed),
                 None => rows.push(StepRow {

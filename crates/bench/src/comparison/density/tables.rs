@@ -28,7 +28,7 @@ pub(super) fn text(results: &Results, metrics: &[&Column]) -> String {
             escape::markdown(&found.over)
         );
     }
-    for (at, metric) in metrics.iter().enumerate() {
+    for metric in metrics {
         let _ = write!(out, "\n{}\n\n| one of every | training keyframes | distance, m |", metric.heading);
         let first = results.steps.first();
         let rows: Vec<&StepRow> = first.iter().flat_map(|step| &step.rows).collect();
@@ -37,19 +37,19 @@ pub(super) fn text(results: &Results, metrics: &[&Column]) -> String {
         }
         let _ = write!(out, "\n|---:|---:|---:|{}", "---:|".repeat(rows.len()));
         for step in &results.steps {
-            let _ = write!(out, "\n{}", line(step, at, metric.digits));
+            let _ = write!(out, "\n{}", line(step, metric));
         }
         out.push('\n');
     }
     out
 }
 
-fn line(step: &Step, metric: usize, digits: usize) -> String {
+fn line(step: &Step, metric: &Column) -> String {
     let mut out = format!("| {} | {:.0} | {:.3} |", step.every, step.train_keyframes, step.nearest_training_m);
     for row in &step.rows {
-        let failed = row.seeds.iter().filter(|s| s.values[metric].is_none()).count();
+        let failed = row.seeds.iter().filter(|s| !s.values.contains_key(metric.key)).count();
         let note = if failed > 0 { format!(" ({failed} failed)") } else { String::new() };
-        let _ = write!(out, " {}{note} |", table::text(summarize(&row.values(metric)), digits, "±"));
+        let _ = write!(out, " {}{note} |", table::text(summarize(&row.values(metric.key)), metric.digits, "±"));
     }
     out
 }
@@ -57,11 +57,11 @@ fn line(step: &Step, metric: usize, digits: usize) -> String {
 /// A value a line; one of a failed cell is empty.
 pub(super) fn csv(results: &Results) -> String {
     let mut out = String::from("metric,every,train_keyframes,nearest_training_m,row,method,looks_up,seed,value\n");
-    for (at, metric) in results.metrics.iter().enumerate() {
+    for metric in &results.metrics {
         for step in &results.steps {
             for row in &step.rows {
                 for seed in &row.seeds {
-                    let value = seed.values[at].map_or(String::new(), |v| format!("{v:.6}"));
+                    let value = seed.values.get(metric).map_or(String::new(), |v| format!("{v:.6}"));
                     let _ = writeln!(
                         out,
                         "{metric},{},{},{:.6},{},{},{},{},{value}",

@@ -179,7 +179,7 @@ impl Planned {
     /// # Errors
     /// A dataset or weights that cannot be read.
     pub fn open(&self, verify: Verify) -> Result<Input> {
-        verify.open(self.dataset())?.with_networks(&self.list.lpips.networks()?)
+        verify.open_any(self.dataset())?.with_networks(&self.list.lpips.networks()?)
     }
 
     /// Path of the dataset.

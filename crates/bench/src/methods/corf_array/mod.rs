@@ -165,6 +165,7 @@ pub const FAMILY: Family = Family {
         emitters: true,
         on_processor: false,
         looks_up: false,
+        fixed_array: false,
     },
 };
 

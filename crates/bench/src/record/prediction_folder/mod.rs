@@ -104,6 +104,12 @@ impl PredictionFolder {
         let files = |name: &str, endings: &[&str]| Files::list(dir, name, endings, names, dataset.len(), split);
         let images = files("images", &["png"])?;
         let (linear, scalar) = (files("linear", &["exr", "npy"])?, files("scalar", &["png"])?);
+        ensure!(
+            linear.is_none() || dataset.fixed_array().is_none(),
+            "{}/linear: {} holds grey levels, and no powers that could be predicted\n  help: give the levels in scalar/, as 8-bit grey",
+            dir.display(),
+            dataset.dir().display()
+        );
         let jet = files("jet", &["png"])?;
         let spectra = match (linear, scalar) {
             (Some(_), Some(_)) => {

@@ -13,7 +13,7 @@ fn frame(index: usize, link: Option<LinkRates>) -> FrameMetrics {
         ssim_rf_jet: 0.9,
         psnr_rf_scalar: 20.0,
         ssim_rf_scalar: 0.9,
-        radio,
+        radio: Some(radio),
         beams: link.map(|_| beams),
         link,
     };
