@@ -1,5 +1,5 @@
 //! The seam of matching: what is asked of images and poses, and nothing that is decided. Which pixels are matched, with which neighbours, around
-//! which depths, and what becomes of those that find none stands above it ([`matching`](super::matching), [`triangulate`](super::triangulate)).
+//! which depths, and what becomes of those that find none stands above it ([`matching`](mod@super::matching), [`triangulate`](mod@super::triangulate)).
 
 use super::held::HeldView;
 use super::view::{GreyView, Neighbour};

@@ -135,7 +135,7 @@ fn faulty_files_are_refused_by_what_is_wrong() {
     assert!(unread.validate("receiver").unwrap_err().to_string().contains("p.csv"));
     let message = from_toml::<crate::config::ReceiverConfig>("pattern = \"isoo\"", "t.toml").unwrap_err().to_string();
     assert!(message.contains("iso"), "{message}");
-    assert!(from_toml::<crate::config::ReceiverConfig>("pattern = { fille = \"p.csv\" }", "t.toml").is_err());
+    assert!(from_toml::<crate::config::ReceiverConfig>("pattern = { folder = \"p.csv\" }", "t.toml").is_err());
 }
 
 #[test]
