@@ -99,9 +99,8 @@ fn what_would_be_a_silent_number_is_refused() {
         corf_refuses(&["spectrum", scene, "--rx", "7,4,1.6", "--fov-deg", fov, "--out", out], &["fov_deg", "180 degrees"]);
     }
     corf_refuses(&["diffuse", scene, "--rx", "7,4,1.6", "--replicas", "0"], &["--replicas"]);
-    // The transmitter itself, and a point on the floor.
+    // The transmitter itself.
     corf_refuses(&["diffuse", scene, "--rx", "12.4,4.5,2"], &["coincides", "12.4, 4.5, 2"]);
-    corf_refuses(&["diffuse", scene, "--rx", "7,4,0"], &["surface", "Floor of the hall"]);
     corf_refuses(&["paths", scene, "--rx", "7,4,1.6", "--diffuse", "--format", "sionna"], &["--diffuse", "--format json"]);
     let floor = ["coverage", scene, "--plane", "6,3,0", "9,3,0", "6,6,0", "--cell", "1", "--depth", "0", "--out", out];
     corf_refuses(&floor, &["no cell has a value", "all 9", "--height"]);

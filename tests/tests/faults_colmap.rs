@@ -293,7 +293,8 @@ fn a_reconstruction_begins_with_the_filtered_gaussians() {
     let data = folder.path().join("data");
     import(&capture, &data, &[]);
     let begin = |name: &str| {
-        let (file, out) = (capture.with_file_name(name), folder.path().join(name));
+        let file = capture.with_file_name(name);
+        let out = folder.path().join(file.file_stem().unwrap());
         let output = corf(&[
             "reconstruct",
             text(&data),

@@ -261,7 +261,7 @@ fn names_may_count_from_zero_and_what_is_clipped_or_empty_is_told() {
     write_atomic(at("predictions.json"), b"{\"names\": \"index\", \"method\": \"spike\", \"gaussians\": 5}").unwrap();
     let (metrics, output) = score(folder.path());
     let reported = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(reported.contains("1 pixels of linear/ are above") && reported.contains("1 spectra hold no power"), "{reported}");
+    assert!(reported.contains("1 pixel of linear/ is above") && reported.contains("1 spectrum holds no power"), "{reported}");
     assert_eq!((metrics["row"].as_str(), metrics["gaussians"].as_u64()), (Some("spike"), Some(5)));
     let empty = &metrics["frames"][1];
     assert_eq!(

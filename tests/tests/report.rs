@@ -46,7 +46,7 @@ fn class(node: &Node<'_, '_>) -> String {
 }
 
 #[test]
-fn every_held_out_keyframe_of_every_row_is_there_and_the_best_is_marked() {
+fn every_held_out_keyframe_of_every_row_is_there() {
     let folder = tempfile::tempdir().unwrap();
     let out = comparison(folder.path());
     let html = fs::read_to_string(out.join("report.html")).unwrap();
@@ -88,28 +88,9 @@ fn every_held_out_keyframe_of_every_row_is_there_and_the_best_is_marked() {
         assert!(names.iter().any(|name| name == "distance travelled, m"), "{figure}: {names:?}");
     }
 
-    // The best of each column of metrics, by the records.
-    let records: serde_json::Value = serde_json::from_str(&corf_ok(&["bench", "table", text(&out), "--json"])).unwrap();
-    let mean = |row: usize, key: &str| records[2 * row]["means"][key].as_f64().unwrap();
+    // Of two seeds nothing is the best.
     let cells: Vec<Vec<Node<'_, '_>>> = all(all(root, "tbody")[0], "tr").iter().map(|line| all(*line, "td")).collect();
-    let keys = [
-        "psnr_opt",
-        "ssim_opt",
-        "psnr_rf_jet",
-        "ssim_rf_jet",
-        "psnr_rf_scalar",
-        "rmse_db_30",
-        "psp_similarity",
-        "peak_error_deg",
-    ];
-    for (column, key) in keys.iter().enumerate() {
-        let lower = key.starts_with("rmse") || key.starts_with("peak");
-        for row in [0, 1] {
-            let (own, other) = (mean(row, key), mean(1 - row, key));
-            let best = if lower { own <= other } else { own >= other };
-            assert_eq!(class(&cells[row][column]) == "best", best, "{key}: {own}, {other}");
-        }
-    }
+    assert!(cells.len() == 2 && cells.iter().flatten().all(|cell| class(cell) != "best"));
 
     // Nothing is asked of a network, and text stays text.
     assert!(

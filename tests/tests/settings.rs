@@ -20,6 +20,7 @@ const WITHOUT_EFFECT_HERE: &[(&str, &str)] = &[
     ("raster.tile_px", "speed on a GPU; by its definition nothing that is computed depends on it"),
     ("raster.keyframe_memory_mb", "a memory budget of the GPU; nothing that is computed depends on it"),
     ("depth.matched_on", "beside a GPU alone; where the processor trains it matches in any case"),
+    ("keyframe_budget_ms", "a time, which is refused beside the number of steps that these runs have"),
     ("half_precision", "matrix units of a GPU; the processor computes in f32 always"),
     ("depth.weights", "needs the weights of a network, which are not part of the repository"),
     ("depth.input_px", "of that network"),
@@ -29,6 +30,8 @@ const WITHOUT_EFFECT_HERE: &[(&str, &str)] = &[
 /// Other values than the default, of keys where one more or twice as much would say nothing, or would be out of range.
 const VALUES: &[(&str, &str)] = &[
     ("least_probability", "0.5"),
+    ("keyframe_budget_ms", "5.0"),
+    ("fine_tune_s", "1.0"),
     ("overlapped_iterations", "2"),
     ("pyramid_levels", "1"),
     ("rf_pyramid_levels", "1"),

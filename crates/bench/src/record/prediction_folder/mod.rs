@@ -213,8 +213,11 @@ impl PredictionFolder {
         }
         if tally.clipped_pixels > 0 {
             out.push(format!(
-                "{place}: {} pixels of linear/ are above {} dB, the upper end of the data set's range, and count as that much",
-                tally.clipped_pixels, range.max_db
+                "{place}: {} of linear/ {} above {} dB, the upper end of the data set's range, and {} as that much",
+                counted(tally.clipped_pixels, "pixel"),
+                verb(tally.clipped_pixels, "is", "are"),
+                range.max_db,
+                verb(tally.clipped_pixels, "counts", "count")
             ));
         }
         if tally.empty_spectra > 0 {

@@ -304,7 +304,7 @@ fn sensors_without_a_place_and_images_that_nobody_has_are_named() {
     assert_eq!(capture.shots.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["b/0.png", "b/1.png", "c/0.png"]);
     assert!(capture.notes.iter().any(|n| n.contains("camera 1") && n.contains("2 images")), "{:?}", capture.notes);
     let capture = model(&[("frames", &FRAMES.replace("3 CAMERA 1 31", "4 CAMERA 1 77 CAMERA 1 31"))]).unwrap();
-    assert!(capture.notes.iter().any(|n| n.contains("1 images are in frames") && n.contains("77")), "{:?}", capture.notes);
+    assert!(capture.notes.iter().any(|n| n.contains("1 image is in frames") && n.contains("77")), "{:?}", capture.notes);
     let capture = model(&[("rigs", &RIGS.replace("rigs: 2", "rigs: 3"))]).unwrap();
     assert!(capture.notes.iter().any(|n| n.contains("rigs.txt has 2 rigs") && n.contains("3")), "{:?}", capture.notes);
 }

@@ -1,6 +1,7 @@
 //! The pattern of an antenna element: built in, or sampled in a file.
 
 mod file;
+mod read;
 mod sampled;
 
 pub use file::PatternFile;
@@ -77,7 +78,7 @@ impl AntennaPattern {
     /// A file that cannot be read or is no pattern; `place` names the key.
     pub fn read(self, folder: &Path, place: &str) -> Result<Self> {
         match self {
-            Self::File(file) => Ok(Self::Sampled(file.read(folder, place)?)),
+            Self::File(file) => Ok(Self::Sampled(read::read(file, folder, place)?)),
             known => Ok(known),
         }
     }

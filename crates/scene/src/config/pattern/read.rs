@@ -1,0 +1,227 @@
+//! Reads files of antenna patterns: tables of gain over tilt and pan, and pairs of cuts.
+
+use super::file::PatternFile;
+use super::sampled::{Sampled, SampledPattern};
+use crate::{Error, Result, io};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A passive antenna radiates no more than it is fed; this much more is rounding and the grid's coarseness.
+const MOST_MEAN_GAIN: f64 = 1.05;
+/// Share of a grid's samples that a file may lack.
+const MOST_HOLES: f64 = 0.01;
+/// Two cuts together lose at most this much under the peak, dB (3GPP TR 38.901, Table 7.3-1).
+const CUTS_FLOOR_DB: f64 = 30.0;
+/// Angles this close are one, degrees.
+const SAME_DEG: f64 = 1e-6;
+
+/// Reads it.
+///
+/// # Errors
+/// A file that cannot be read or is of another form, a part of the sphere of which nothing is said, more power than an antenna is fed; `place`
+/// names the key.
+pub(super) fn read(file: PatternFile, folder: &Path, place: &str) -> Result<Sampled> {
+    let path = folder.join(file.name());
+    let name = path.display().to_string();
+    if let Some(outside_db) = file.outside_db().filter(|v| !(-300.0..=100.0).contains(v)) {
+        return Err(Error::invalid(format!("{place}.outside_db"), format!("{outside_db} dB"), "give decibels, from -300 to 100"));
+    }
+    let text = io::read_text(&path)?;
+    let mut pattern = parse(&text, &name)?;
+    pattern.sha256 = io::sha256_hex(text.as_bytes());
+    pattern.check(&name)?;
+    if !pattern.covers_sphere() && file.outside_db().is_none() {
+        let [t, p] = [&pattern.tilt_deg, &pattern.pan_deg].map(|a| (a[0], a[a.len() - 1]));
+        let what = format!(
+            "covers tilts from {:.2} to {:.2} and pans from {:.2} to {:.2} degrees, and nothing says what is beyond",
+            t.0, t.1, p.0, p.1
+        );
+        let help = "say the gain beyond it in the file's decibels, outside_db = -30 (or, of measurements in decibels of a receiver, its noise)";
+        return Err(Error::invalid(name, what, help));
+    }
+    let mean = Sampled::mean_gain(&pattern, file.outside_db());
+    if file.is_normalized() {
+        (pattern.shift_db, pattern.mean_gain) = (-10.0 * mean.log10(), 1.0);
+    } else if mean > MOST_MEAN_GAIN {
+        let what = format!("its mean gain over the sphere is {mean:.3}: it would radiate more than it is fed");
+        let help = "give gains in dBi, or shift them so that the mean is 1 with normalize = true (directivity, without losses)";
+        return Err(Error::invalid(name, what, help));
+    } else {
+        pattern.mean_gain = mean;
+    }
+    Sampled::of(file, pattern)
+}
+
+/// Columns of a table of gains.
+struct Columns {
+    tilt: (usize, Angle),
+    pan: (usize, Angle),
+    level: usize,
+}
+
+/// Unit and zero of an angle.
+#[derive(Clone, Copy)]
+struct Angle {
+    degrees: f64,
+    /// From the zenith down.
+    zenith: bool,
+}
+
+impl Angle {
+    fn of(self, value: f64) -> f64 {
+        let degrees = value * self.degrees;
+        if self.zenith { 90.0 - degrees } else { degrees }
+    }
+}
+
+const HELP: &str = "a line of names, then a line a direction: tilt_deg (or tilt_rad, elevation_deg, theta_deg from the zenith), pan_deg (or pan_rad, azimuth_deg, \
+                    phi_deg) and gain_db (or gain_dbi, snr_norm); or two cuts: cut (horizontal or vertical), angle_deg, gain_db";
+
+/// Reads the text of a pattern.
+fn parse(text: &str, name: &str) -> Result<SampledPattern> {
+    let fail = |what: String| Error::invalid(name, what, HELP);
+    let mut lines =
+        text.trim_start_matches('\u{feff}').lines().enumerate().filter(|(_, l)| !l.trim().is_empty() && !l.starts_with('#'));
+    let Some((_, head)) = lines.next() else { return Err(fail("it is empty".into())) };
+    let names: Vec<String> = head.split(',').map(|n| n.trim().trim_matches('"').to_ascii_lowercase()).collect();
+    let mut rows: Vec<(usize, Vec<&str>)> = vec![];
+    for (i, line) in lines {
+        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        if cells.len() != names.len() {
+            return Err(Error::invalid(
+                format!("{name}:{}", i + 1),
+                format!("{} values under {} names", cells.len(), names.len()),
+                HELP,
+            ));
+        }
+        rows.push((i + 1, cells));
+    }
+    let number = |line: usize, cell: &str| {
+        let value = cell.parse::<f64>().ok().filter(|v| v.is_finite());
+        value.ok_or_else(|| Error::invalid(format!("{name}:{line}"), format!("\"{cell}\" is no finite number"), HELP))
+    };
+    if let Some(phase) = names.iter().find(|n| n.contains("phase") || n.as_str() == "re" || n.as_str() == "im") {
+        let what = format!("column {phase}: phases of a pattern are not supported");
+        return Err(Error::invalid(
+            name,
+            what,
+            "give gains alone; elements of an array share one pattern, and their phases are those of their places",
+        ));
+    }
+    if names.iter().any(|n| n == "cut") {
+        let at =
+            |wanted: &str| names.iter().position(|n| n == wanted).ok_or_else(|| fail(format!("cuts without a column {wanted}")));
+        let (cut, angle, level) = (at("cut")?, at("angle_deg")?, at("gain_db")?);
+        let mut cuts: [BTreeMap<i64, f64>; 2] = Default::default();
+        for (line, cells) in &rows {
+            let which = match cells[cut].to_ascii_lowercase().as_str() {
+                "vertical" | "v" => 0,
+                "horizontal" | "h" => 1,
+                other => return Err(Error::invalid(format!("{name}:{line}"), format!("\"{other}\" is no cut"), HELP)),
+            };
+            put(&mut cuts[which], number(*line, cells[angle])?, number(*line, cells[level])?, &format!("{name}:{line}"))?;
+        }
+        return of_cuts(&cuts).ok_or_else(|| fail("it does not have both cuts, with two angles each".into()));
+    }
+    let columns = columns(&names, &fail)?;
+    let mut grid: BTreeMap<i64, BTreeMap<i64, f64>> = BTreeMap::new();
+    for (line, cells) in &rows {
+        let tilt = columns.tilt.1.of(number(*line, cells[columns.tilt.0])?);
+        let pan = columns.pan.1.of(number(*line, cells[columns.pan.0])?);
+        let row = grid.entry(key(tilt)).or_default();
+        put(row, pan, number(*line, cells[columns.level])?, &format!("{name}:{line}"))?;
+    }
+    of_grid(&grid).map_err(fail)
+}
+
+/// An angle as a whole number, so that what is one is one.
+fn key(angle_deg: f64) -> i64 {
+    (angle_deg / SAME_DEG).round() as i64
+}
+
+fn angle(key: i64) -> f64 {
+    key as f64 * SAME_DEG
+}
+
+fn put(row: &mut BTreeMap<i64, f64>, angle_deg: f64, level: f64, place: &str) -> Result<()> {
+    match row.insert(key(angle_deg), level) {
+        None => Ok(()),
+        Some(_) => Err(Error::invalid(
+            place,
+            format!("the direction at {angle_deg} degrees stands there twice"),
+            "give each direction once",
+        )),
+    }
+}
+
+fn columns(names: &[String], fail: &dyn Fn(String) -> Error) -> Result<Columns> {
+    let find = |kinds: &[(&str, bool)]| {
+        let named = |(i, n): (usize, &String)| {
+            kinds.iter().find_map(|(kind, zenith)| {
+                let degrees = match n.strip_prefix(kind)? {
+                    "_deg" => 1.0,
+                    "_rad" => 180.0 / std::f64::consts::PI,
+                    _ => return None,
+                };
+                Some((i, Angle { degrees, zenith: *zenith }))
+            })
+        };
+        names.iter().enumerate().find_map(named)
+    };
+    let tilt = find(&[("tilt", false), ("elevation", false), ("theta", true)])
+        .ok_or_else(|| fail("it has no column of tilts".into()))?;
+    let pan =
+        find(&[("pan", false), ("azimuth", false), ("phi", false)]).ok_or_else(|| fail("it has no column of pans".into()))?;
+    let level = names.iter().position(|n| ["gain_db", "gain_dbi", "snr_norm", "snr_db", "level_db"].contains(&n.as_str()));
+    let level = level.ok_or_else(|| fail("it has no column of gains in decibels".into()))?;
+    match names.iter().enumerate().find(|(i, _)| ![tilt.0, pan.0, level].contains(i)) {
+        Some((_, other)) => Err(fail(format!("column \"{other}\" is not known"))),
+        None => Ok(Columns { tilt, pan, level }),
+    }
+}
+
+/// A grid of all tilts and pans; few holes are filled along pan.
+fn of_grid(grid: &BTreeMap<i64, BTreeMap<i64, f64>>) -> Result<SampledPattern, String> {
+    let pans: Vec<i64> =
+        grid.values().flat_map(|row| row.keys().copied()).collect::<std::collections::BTreeSet<_>>().into_iter().collect();
+    let (points, all) = (grid.values().map(BTreeMap::len).sum::<usize>(), grid.len() * pans.len());
+    let holes = all - points;
+    if holes as f64 > MOST_HOLES * all as f64 {
+        return Err(format!(
+            "{holes} of {all} pairs of its {} tilts and {} pans are missing: it is no grid",
+            grid.len(),
+            pans.len()
+        ));
+    }
+    let mut gain_db = Vec::with_capacity(all);
+    for row in grid.values() {
+        for pan in &pans {
+            let level = row.get(pan).copied().or_else(|| {
+                // On the line between its neighbours, or as the one that there is.
+                match (row.range(..pan).next_back(), row.range(pan..).next()) {
+                    (Some((p, a)), Some((q, b))) => Some(a + (b - a) * (pan - p) as f64 / (q - p) as f64),
+                    (one, other) => one.or(other).map(|(_, level)| *level),
+                }
+            });
+            gain_db.push(level.unwrap_or(f64::NAN));
+        }
+    }
+    let [tilt_deg, pan_deg] =
+        [grid.keys().copied().collect::<Vec<_>>(), pans].map(|keys| keys.into_iter().map(angle).collect::<Vec<f64>>());
+    Ok(SampledPattern { sha256: String::new(), tilt_deg, pan_deg, gain_db, shift_db: 0.0, mean_gain: 0.0, filled: holes })
+}
+
+/// The pattern of a vertical and a horizontal cut: losses under each one's peak add, up to [`CUTS_FLOOR_DB`] in all (3GPP TR 38.901, Table 7.3-1).
+fn of_cuts([vertical, horizontal]: &[BTreeMap<i64, f64>; 2]) -> Option<SampledPattern> {
+    if vertical.len() < 2 || horizontal.len() < 2 {
+        return None;
+    }
+    let peak = |cut: &BTreeMap<i64, f64>| cut.values().copied().fold(f64::NEG_INFINITY, f64::max);
+    let (top, across) = (peak(vertical), peak(horizontal));
+    let most = top.max(across);
+    let level = |v: &f64, h: &f64| most - ((top - v) + (across - h)).min(CUTS_FLOOR_DB);
+    let gain_db = vertical.values().flat_map(|v| horizontal.values().map(move |h| level(v, h))).collect();
+    let angles = |cut: &BTreeMap<i64, f64>| cut.keys().map(|k| angle(*k)).collect();
+    let (tilt_deg, pan_deg) = (angles(vertical), angles(horizontal));
+    Some(SampledPattern { sha256: String::new(), tilt_deg, pan_deg, gain_db, shift_db: 0.0, mean_gain: 0.0, filled: 0 })
+}
