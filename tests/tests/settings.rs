@@ -32,7 +32,7 @@ const VALUES: &[(&str, &str)] = &[
     ("least_probability", "0.5"),
     ("keyframe_budget_ms", "5.0"),
     ("fine_tune_s", "1.0"),
-    ("power", "4.0"),
+    ("power", "4"),
     ("overlapped_iterations", "2"),
     ("pyramid_levels", "1"),
     ("rf_pyramid_levels", "1"),

@@ -91,6 +91,11 @@ impl Lookup {
             "power = {}\n  help: give 0 to 16; 1 is the inverse distance itself",
             config.power
         );
+        ensure!(
+            config.keyframes > 1 || config.power == 1,
+            "power = {} has no effect: a keyframe alone is not weighed\n  help: leave it out, or blend more keyframes",
+            config.power
+        );
         Ok(Self { id: id.to_owned(), config })
     }
 }
