@@ -104,16 +104,25 @@ impl Amount {
             }
             Self::Until(end) => *end,
         };
-        let mut taken = 0;
-        loop {
-            let begin = Instant::now();
+        let (mut last, mut taken) = (StepReport::default(), 0);
+        repeat_until(end, &mut || {
             let steps = draw(Self::BATCH);
-            let last = device.train(&steps)?;
+            last = device.train(&steps)?;
             taken += steps.len();
-            let now = Instant::now();
-            if steps.is_empty() || now + (now - begin) > end {
-                return Ok((last, taken));
-            }
+            Ok(if steps.is_empty() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        })?;
+        Ok((last, taken))
+    }
+}
+
+/// Does something once, and again while one more like the last has ended by `end`, unless it is over.
+fn repeat_until(end: Instant, once: &mut dyn FnMut() -> Result<ControlFlow<()>>) -> Result<()> {
+    loop {
+        let begin = Instant::now();
+        let is_over = once()?.is_break();
+        let now = Instant::now();
+        if is_over || now + (now - begin) > end {
+            return Ok(());
         }
     }
 }
@@ -443,20 +452,16 @@ impl Reconstructor {
     /// # Errors
     /// Those of [`Self::fine_tune`].
     pub fn fine_tune_for(&mut self, time: Duration, progress: &mut dyn FnMut(Duration) -> ControlFlow<()>) -> Result<usize> {
-        let begin = Instant::now();
-        let mut epochs = 0;
-        loop {
-            let before = begin.elapsed();
+        let (begin, mut epochs) = (Instant::now(), 0);
+        repeat_until(begin + time, &mut || {
             self.fine_tune(1, &mut |_, _| ControlFlow::Continue(()))?;
             epochs += 1;
-            let spent = begin.elapsed();
-            if progress(spent).is_break() {
-                return Err(Error::Stopped);
+            match progress(begin.elapsed()) {
+                ControlFlow::Break(()) => Err(Error::Stopped),
+                ControlFlow::Continue(()) => Ok(ControlFlow::Continue(())),
             }
-            if spent + (spent - before) > time {
-                return Ok(epochs);
-            }
-        }
+        })?;
+        Ok(epochs)
     }
 
     /// Every keyframe once.

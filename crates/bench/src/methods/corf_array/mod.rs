@@ -52,13 +52,15 @@ impl CorfArrayConfig {
         let own = rest.remove("light").map_or_else(|| Ok(toml::Table::new()), toml::Value::try_into);
         let light: toml::Table = own.context("in key light")?;
         let light = CorfGsConfig::parse(&light).context("in key light")?;
+        let has_stages = light.fine_tune_epochs > 0
+            || light.fine_tune_s.is_some()
+            || light.initial_gaussians.is_some()
+            || light.reconstruction.keyframe_budget_ms.is_some()
+            || light.reconstruction.coupling != Coupling::Joint;
         ensure!(
-            light.fine_tune_epochs == 0
-                && light.fine_tune_s.is_none()
-                && light.reconstruction.keyframe_budget_ms.is_none()
-                && light.initial_gaussians.is_none()
-                && light.reconstruction.coupling == Coupling::Joint,
-            "light.fine_tune_epochs, light.fine_tune_s, light.keyframe_budget_ms, light.initial_gaussians and light.coupling are stages of corf-gs\n  help: leave them out"
+            !has_stages,
+            "light.fine_tune_epochs, light.fine_tune_s, light.keyframe_budget_ms, light.initial_gaussians and light.coupling are stages of \
+             corf-gs\n  help: leave them out"
         );
         let oracle_scene = rest.remove(ORACLE_SCENE).map_or_else(|| Ok(None), |v| v.try_into().map(Some));
         let oracle_scene: Option<PathBuf> = oracle_scene.with_context(|| format!("in key {ORACLE_SCENE}"))?;
