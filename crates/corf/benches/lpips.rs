@@ -4,7 +4,7 @@
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-use corf::image_networks::lpips::{Backbone, Input, Lpips};
+use corf::image_networks::lpips::{Backbone, Lpips, LpipsInput};
 use corf_scene::Raster;
 use std::path::Path;
 use std::time::Instant;
@@ -27,7 +27,7 @@ fn main() {
             let image = |k: usize| Raster::from_fn(width, height, |x, y| [x, y, k * x * y].map(|v| (v % 256) as u8));
             let (a, b) = (image(1), image(3));
             let start = Instant::now();
-            let distance = lpips.distance(&a, &b, Input::Signed);
+            let distance = lpips.distance(&a, &b, LpipsInput::Signed);
             println!("{} {width}x{height}: {:.2} s (distance {distance:.4})", backbone.name(), start.elapsed().as_secs_f64());
         }
     }

@@ -6,7 +6,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 
 use corf_raytrace::Bvh;
-use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Extent, RadioSettings, RadioTracer};
+use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, RadioSettings, RadioTracer, WorldExtent};
 use corf_raytrace::spectrum::{self, SpectrumSettings};
 use corf_scene::config::{DatasetConfig, SpectrumKind};
 use corf_scene::trajectory;
@@ -46,7 +46,7 @@ fn radio(c: &mut Criterion) {
                 drop(black_box(field.gather(
                     p.world_from_camera.translation,
                     field.antenna(),
-                    &Extent::View { camera, world_from_camera: p.world_from_camera },
+                    &WorldExtent::View { camera, world_from_camera: p.world_from_camera },
                 )))
             })
         });
@@ -58,7 +58,7 @@ fn radio(c: &mut Criterion) {
                 .gather(
                     p.world_from_camera.translation,
                     field.antenna(),
-                    &Extent::View { camera, world_from_camera: p.world_from_camera },
+                    &WorldExtent::View { camera, world_from_camera: p.world_from_camera },
                 )
                 .unwrap_or_default()
         })

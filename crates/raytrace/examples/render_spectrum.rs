@@ -9,7 +9,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 
 use corf_raytrace::Bvh;
-use corf_raytrace::radio::{Antenna, Arrival, DiffuseField, DiffuseSettings, Extent, RadioSettings, RadioTracer};
+use corf_raytrace::radio::{Antenna, Arrival, DiffuseField, DiffuseSettings, RadioSettings, RadioTracer, WorldExtent};
 use corf_raytrace::spectrum::{self, SpectrumSettings};
 use corf_scene::config::{DatasetConfig, SpectrumKind};
 use corf_scene::keyframe::DbRange;
@@ -174,7 +174,7 @@ fn main() -> Result<()> {
         let scattered = field.gather(
             pose.world_from_camera.translation,
             field.antenna(),
-            &Extent::View { camera, world_from_camera: pose.world_from_camera },
+            &WorldExtent::View { camera, world_from_camera: pose.world_from_camera },
         )?;
         diffuse_s += clock.elapsed().as_secs_f64();
         let db = |arrivals: &[Arrival]| 10.0 * arrivals.iter().map(|a| a.power).sum::<f64>().log10();
@@ -228,7 +228,7 @@ fn main() -> Result<()> {
             arrivals.extend(other.gather(
                 pose.world_from_camera.translation,
                 other.antenna(),
-                &Extent::View { camera, world_from_camera: pose.world_from_camera },
+                &WorldExtent::View { camera, world_from_camera: pose.world_from_camera },
             )?);
             let psnr = scalar_psnr(image, &form(&arrivals, &pose.world_from_camera), &range);
             sum += psnr;

@@ -3,7 +3,7 @@
 //! Rays are worked on in blocks of a fixed number; blocks run on all threads, and their gradients are added up in their order, so that the bytes
 //! do not depend on the number of threads.
 
-use super::rendering::{Outputs, Sum};
+use super::rendering::{RayOutputs, Sum};
 use super::trainer::{Trainer, check_rays};
 use super::{Batch, Model, Nerf2Config, PixelRay};
 use crate::mlp::{Adam, Tape, Trained};
@@ -83,11 +83,11 @@ impl<T: Real> CpuTrainer<T> {
     }
 
     /// The outputs and distances of a block's ray.
-    fn ray<'a>(&self, block: &'a Block<T>, k: usize) -> (Outputs<'a, T>, &'a [T]) {
+    fn ray<'a>(&self, block: &'a Block<T>, k: usize) -> (RayOutputs<'a, T>, &'a [T]) {
         let samples = k * self.config.samples..(k + 1) * self.config.samples;
         let both = 2 * samples.start..2 * samples.end;
         let (attenuation, signal) = (block.tape.of(self.model.attenuation), block.tape.of(self.model.signal));
-        (Outputs { attenuation: &attenuation[both.clone()], signal: &signal[both] }, &block.distances[samples])
+        (RayOutputs { attenuation: &attenuation[both.clone()], signal: &signal[both] }, &block.distances[samples])
     }
 
     /// Squared error of a block's rays, summed, and its gradient in all parameters; `scale` goes before both.

@@ -78,7 +78,7 @@ fn spectra_are_those_of_the_processor() {
     let parameters = parameters(&config);
     let Some(mut gpu) = on_gpu(&config, &parameters, POINTS) else { return };
     let mut cpu = CpuTrainer::new(&config, TRANSMITTER_M, parameters.clone()).unwrap();
-    let field = Field { config, transmitter_m: TRANSMITTER_M, parameters };
+    let field = TrainedNerf2 { config, transmitter_m: TRANSMITTER_M, parameters };
     // More rays than a step has, no multiple of a chunk's.
     let camera = super::Sight::from(Pinhole::from_horizontal_fov(13, 7, 90.0));
     let pose = Rigid3 { translation: [0.3, 0.0, 1.0].into(), ..Rigid3::IDENTITY };

@@ -23,4 +23,4 @@ pub use cpu::CpuTrainer;
 pub use gpu::GpuTrainer;
 pub use model::Model;
 pub use rays::{Batch, PixelRay, Sight, TrainingRays};
-pub use trainer::{Field, Trainer};
+pub use trainer::{TrainedNerf2, Trainer};

@@ -15,7 +15,7 @@ pub const FREE_SPACE_M: f64 = 0.025;
 
 /// The network's outputs along one ray, two numbers a sample: amplitude and phase before their activations.
 #[derive(Clone, Copy, Debug)]
-pub struct Outputs<'a, T> {
+pub struct RayOutputs<'a, T> {
     /// Attenuation and phase per metre.
     pub attenuation: &'a [T],
     /// Signal that a sample sends.
@@ -57,7 +57,7 @@ pub struct Sum<T> {
 
 impl<T: Real> Sum<T> {
     /// Sums up; `distances` are those of the samples, metres, and `end` is where the last one's segment ends, if it counts.
-    pub fn new(outputs: Outputs<'_, T>, distances: &[T], end: Option<T>) -> Self {
+    pub fn new(outputs: RayOutputs<'_, T>, distances: &[T], end: Option<T>) -> Self {
         let (mut depth, mut turned) = (T::ZERO, T::ZERO);
         let mut sum = [T::ZERO; 2];
         let mut units = Vec::with_capacity(distances.len());
@@ -81,7 +81,7 @@ impl<T: Real> Sum<T> {
     /// Writes the gradient in the network's outputs, given that in P; the arguments are those of [`Self::new`].
     pub fn backward(
         &self,
-        outputs: Outputs<'_, T>,
+        outputs: RayOutputs<'_, T>,
         distances: &[T],
         end: Option<T>,
         gradient: T,
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn one_sample_is_its_amplitude_times_the_free_space_factor() {
-        let outputs = Outputs { attenuation: &[5.0, 1.0, 0.0, 0.0f64], signal: &[3.0, 0.7, 100.0, 0.0] };
+        let outputs = RayOutputs { attenuation: &[5.0, 1.0, 0.0, 0.0f64], signal: &[3.0, 0.7, 100.0, 0.0] };
         let sum = Sum::new(outputs, &[1.0, 2.0], None);
         assert!((sum.amplitude - 3.0 * 0.025 / 2.0).abs() < 1e-15, "{sum:?}");
     }
@@ -132,12 +132,12 @@ mod tests {
     fn what_lies_in_front_attenuates_and_turns() {
         // Two equal sources; the first segment attenuates by e^{−ln 2} and turns by π: what is left is half of one, less the path.
         let half = std::f64::consts::LN_2;
-        let outputs = Outputs { attenuation: &[half, 0.0, 0.0, 0.0, 0.0, 0.0], signal: &[1.0, 0.0, 1.0, 0.0, 0.0, 0.0f64] };
+        let outputs = RayOutputs { attenuation: &[half, 0.0, 0.0, 0.0, 0.0, 0.0], signal: &[1.0, 0.0, 1.0, 0.0, 0.0, 0.0f64] };
         let sum = Sum::new(outputs, &[1.0, 2.0, 3.0], None);
         let expected = 0.025 / 2.0 - 0.5 * 0.025 / 3.0;
         assert!((sum.amplitude - expected).abs() < 1e-12, "{} {expected}", sum.amplitude);
         // The last sample counts where the ray has an end.
-        let outputs = Outputs { signal: &[1.0, 0.0, 1.0, 0.0, 1.0, 0.0], ..outputs };
+        let outputs = RayOutputs { signal: &[1.0, 0.0, 1.0, 0.0, 1.0, 0.0], ..outputs };
         assert_eq!(Sum::new(outputs, &[1.0, 2.0, 3.0], None).amplitude, sum.amplitude);
         let longer = Sum::new(outputs, &[1.0, 2.0, 3.0], Some(3.5)).amplitude;
         // By then it has turned once round.
@@ -148,11 +148,11 @@ mod tests {
     fn gradients_are_those_of_finite_differences() {
         for (seed, end) in [(1, None), (2, Some(5.0))] {
             let (mut outputs, distances) = drawn(seed);
-            let value = |o: &[Vec<f64>; 2]| Sum::new(Outputs { attenuation: &o[0], signal: &o[1] }, &distances, end);
+            let value = |o: &[Vec<f64>; 2]| Sum::new(RayOutputs { attenuation: &o[0], signal: &o[1] }, &distances, end);
             let mut gradient = [vec![0.0; 2 * SAMPLES], vec![0.0; 2 * SAMPLES]];
             let [a, s] = &mut gradient;
             value(&outputs).backward(
-                Outputs { attenuation: &outputs[0], signal: &outputs[1] },
+                RayOutputs { attenuation: &outputs[0], signal: &outputs[1] },
                 &distances,
                 end,
                 1.7,
@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn silence_has_no_gradient_and_no_infinities() {
         let zeros = [0.0f32; 2 * SAMPLES];
-        let outputs = Outputs { attenuation: &zeros, signal: &zeros };
+        let outputs = RayOutputs { attenuation: &zeros, signal: &zeros };
         let distances: Vec<f32> = (0..SAMPLES).map(|k| k as f32 + 0.5).collect();
         let sum = Sum::new(outputs, &distances, None);
         let (mut a, mut s) = (zeros, zeros);

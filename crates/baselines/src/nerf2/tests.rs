@@ -104,10 +104,10 @@ fn a_state_on_disk_goes_on_to_the_same_bytes() {
     let path = folder.path().join("state");
     let mut whole = trained(&config, 6);
     let mut half = trained(&config, 3);
-    let field = Field { config, transmitter_m: TRANSMITTER_M, parameters: vec![] };
+    let field = TrainedNerf2 { config, transmitter_m: TRANSMITTER_M, parameters: vec![] };
     field.write_state(&path, "tag", &half.state().unwrap()).unwrap();
     let mut resumed = trained(&config, 0);
-    let (tag, state) = Field::read_state(&path).unwrap();
+    let (tag, state) = TrainedNerf2::read_state(&path).unwrap();
     assert_eq!(tag, "tag");
     resumed.restore(&state).unwrap();
     go_on(&mut resumed, &config, 3..6);
@@ -119,11 +119,11 @@ fn a_state_on_disk_goes_on_to_the_same_bytes() {
 fn a_field_on_disk_predicts_the_same() {
     let config = tiny();
     let mut trainer = trained(&config, 3);
-    let field = Field { config, transmitter_m: TRANSMITTER_M, parameters: trainer.state().unwrap().parameters };
+    let field = TrainedNerf2 { config, transmitter_m: TRANSMITTER_M, parameters: trainer.state().unwrap().parameters };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("field");
     field.write(&path).unwrap();
-    let read = Field::read(&path).unwrap();
+    let read = TrainedNerf2::read(&path).unwrap();
     assert_eq!(read, field);
     let mut again = CpuTrainer::new(&read.config, read.transmitter_m, read.parameters.clone()).unwrap();
     let camera = Pinhole::from_horizontal_fov(50, 20, 90.0);

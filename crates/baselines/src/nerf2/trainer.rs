@@ -44,7 +44,7 @@ pub trait Trainer {
 
 /// A field as it is kept: all that its predictions depend on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Field {
+pub struct TrainedNerf2 {
     /// Constants.
     pub config: Nerf2Config,
     /// The transmitter, metres in the world frame, where it stands still.
@@ -75,7 +75,7 @@ const STATE: Kind = Kind { name: "checkpoint", format: "corf-nerf2-checkpoint/2"
 /// Names of the network's parameters and of their moments.
 const NETWORK: [&str; 3] = ["network.parameters", "network.first_moment", "network.second_moment"];
 
-impl Field {
+impl TrainedNerf2 {
     /// Amplitudes over the pixels of a spectrum of a view, by a trainer that holds this field.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 //! positional gradients on the screen (`screen_gradients`: the bits of a sum and a number of steps) and the points it began with (`points`: the bits
 //! of a place, and a colour).
 
-use super::{DensityCounts, Point, Rf3dgsReconstructor, Rf3dgsTimes};
+use super::{DensityCounts, Rf3dgsReconstructor, Rf3dgsTimes, SparsePoint};
 use crate::rf_3dgs::Rf3dgsConfig;
 use corf::{
     Error, FieldMeta, Result,
@@ -97,7 +97,7 @@ impl Rf3dgsReconstructor {
         }
         let device = self.device.state()?;
         let gradients = self.device.screen_gradients()?.iter().flat_map(|g| [g.norm_sum.to_bits(), g.steps]).collect();
-        let point = |point: &Point| {
+        let point = |point: &SparsePoint| {
             let ([x, y, z], [r, g, b]) = (point.position.map(f32::to_bits), point.color);
             [x, y, z, u32::from_le_bytes([r, g, b, 0])]
         };
@@ -139,7 +139,7 @@ impl Rf3dgsReconstructor {
         self.device.set_screen_gradients(&gradients)?;
         let point = |&[x, y, z, color]: &[u32; 4]| {
             let [r, g, b, _] = color.to_le_bytes();
-            Point { position: [x, y, z].map(f32::from_bits), color: [r, g, b] }
+            SparsePoint { position: [x, y, z].map(f32::from_bits), color: [r, g, b] }
         };
         self.points = checkpoint.points.as_chunks().0.iter().map(point).collect();
         let [cloned, split, pruned] = h.counts;

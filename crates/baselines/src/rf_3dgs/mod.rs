@@ -15,7 +15,7 @@ pub use checkpoint::Rf3dgsCheckpoint;
 pub use config::{InitialPoints, RadioBackground, RadioMoments, Rf3dgsConfig, Rf3dgsRates};
 use corf_scene::words::counted;
 pub use density::{DensityChange, DensityConfig, DensityCounts, decide};
-pub use points::{LEAST_POINTS, Point, write_ply};
+pub use points::{LEAST_POINTS, SparsePoint, write_ply};
 pub use schedule::Rf3dgsSchedule;
 pub(crate) use schedule::{Epochs, log_linear};
 
@@ -52,7 +52,7 @@ pub struct Rf3dgsReconstructor {
     poses: Vec<Rigid3>,
     /// Of the keyframes, until the first Gaussians are there.
     views: Vec<PointView>,
-    points: Vec<Point>,
+    points: Vec<SparsePoint>,
     /// What it is to begin with, in the place of points and the optical stage.
     given: Option<Gaussians>,
     schedule: Option<Rf3dgsSchedule>,
@@ -240,7 +240,7 @@ impl Rf3dgsReconstructor {
     }
 
     /// The points it began with.
-    pub fn points(&self) -> &[Point] {
+    pub fn points(&self) -> &[SparsePoint] {
         &self.points
     }
 

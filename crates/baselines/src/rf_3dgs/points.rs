@@ -16,7 +16,7 @@ use std::path::Path;
 
 /// A point with its colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Point {
+pub struct SparsePoint {
     /// World frame, metres.
     pub position: [f32; 3],
     /// 8-bit sRGB.
@@ -55,7 +55,7 @@ impl PointView {
 ///
 /// # Errors
 /// None of the processor's.
-pub fn triangulated(views: &[PointView]) -> Result<Vec<Point>> {
+pub fn triangulated(views: &[PointView]) -> Result<Vec<SparsePoint>> {
     let config = DepthConfig::default();
     let mut typical_depth_m = (config.near_m * config.far_m).sqrt();
     let mut out = Vec::new();
@@ -72,19 +72,19 @@ pub fn triangulated(views: &[PointView]) -> Result<Vec<Point>> {
         out.extend(corners.iter().map(|corner| {
             let ray = reference.fine_camera.unproject(corner.x as f64 + 0.5, corner.y as f64 + 0.5);
             let p = reference.world_from_camera.transform_point(ray / f64::from(corner.inverse_depth));
-            Point { position: p.as_vec3().to_array(), color: view.image[(corner.x, corner.y)] }
+            SparsePoint { position: p.as_vec3().to_array(), color: view.image[(corner.x, corner.y)] }
         }));
     }
     Ok(out)
 }
 
 /// Grey points, uniform in the cube of `half_side_m` around the cameras' mean.
-pub fn random(poses: &[Rigid3], count: usize, half_side_m: f64, seed: u64) -> Vec<Point> {
+pub fn random(poses: &[Rigid3], count: usize, half_side_m: f64, seed: u64) -> Vec<SparsePoint> {
     let centre = centre(poses);
     let point = |i: usize| {
         let mut rng = Rng::keyed(seed, stage::INITIAL_POINTS, i as u64);
         let offset = DVec3::from_array([0; 3].map(|_| half_side_m * (2.0 * rng.uniform_f64() - 1.0)));
-        Point { position: (centre + offset).as_vec3().to_array(), color: [128; 3] }
+        SparsePoint { position: (centre + offset).as_vec3().to_array(), color: [128; 3] }
     };
     (0..count).map(point).collect()
 }
@@ -94,7 +94,7 @@ pub fn random(poses: &[Rigid3], count: usize, half_side_m: f64, seed: u64) -> Ve
 ///
 /// # Errors
 /// Fewer than [`LEAST_POINTS`].
-pub fn gaussians(points: &[Point], none: Gaussians, initial_opacity: f32) -> Result<Gaussians> {
+pub fn gaussians(points: &[SparsePoint], none: Gaussians, initial_opacity: f32) -> Result<Gaussians> {
     if points.len() < LEAST_POINTS {
         let what = format!("only {} could be triangulated", counted(points.len(), "corner"));
         let help = "set initial_points = \"random\", or give overlapping images with structure";
@@ -122,7 +122,7 @@ pub fn gaussians(points: &[Point], none: Gaussians, initial_opacity: f32) -> Res
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_ply(path: &Path, points: &[Point]) -> Result<()> {
+pub fn write_ply(path: &Path, points: &[SparsePoint]) -> Result<()> {
     let mut out = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", points.len());
     ["x", "y", "z"].iter().for_each(|name| out.push_str(&format!("property float {name}\n")));
     ["red", "green", "blue"].iter().for_each(|name| out.push_str(&format!("property uchar {name}\n")));
@@ -150,8 +150,8 @@ mod tests {
 
     #[test]
     fn points_become_round_gaussians_of_their_colour() {
-        let points: Vec<Point> = (0..27)
-            .map(|i| Point { position: [i % 3, i / 3 % 3, i / 9].map(|v| 0.5 * v as f32), color: [255, 128, 0] })
+        let points: Vec<SparsePoint> = (0..27)
+            .map(|i| SparsePoint { position: [i % 3, i / 3 % 3, i / 9].map(|v| 0.5 * v as f32), color: [255, 128, 0] })
             .collect();
         let config = Rf3dgsConfig::default();
         let g = gaussians(&points, config.empty_field(), config.initial_opacity).unwrap();
@@ -209,7 +209,7 @@ mod tests {
     fn the_file_has_the_columns_that_others_read() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("points.ply");
-        write_ply(&path, &[Point { position: [1.0, -2.0, 0.5], color: [1, 2, 255] }]).unwrap();
+        write_ply(&path, &[SparsePoint { position: [1.0, -2.0, 0.5], color: [1, 2, 255] }]).unwrap();
         let bytes = std::fs::read(path).unwrap();
         let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
         assert!(String::from_utf8_lossy(&bytes[..end]).contains("element vertex 1\nproperty float x\n"));

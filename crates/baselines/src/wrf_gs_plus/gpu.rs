@@ -7,7 +7,7 @@ use super::trainer::{DeformedStep, NETWORK_ADAM, Trainer};
 use super::{Model, WrfGsPlusConfig};
 use crate::mlp::Trained;
 use crate::mlp::gpu::{ENCODING, GpuNetwork, vectors};
-use corf::device::gpu::deformed::{ADAM, Buffers, Deformation, SLOTS};
+use corf::device::gpu::deformed::{ADAM, Buffers, DeformationPass, SLOTS};
 use corf::device::gpu::{GpuDevice, GpuOptions};
 use corf::device::{DenseStep, Device, Layer, RenderRequest, StepReport, View};
 use corf::{Error, OptimizerConfig, Result};
@@ -168,7 +168,7 @@ fn offset(chunk: usize) -> u32 {
     (UNIFORM_STRIDE * chunk as u64) as u32
 }
 
-impl Deformation for Deforming {
+impl DeformationPass for Deforming {
     fn bind(&mut self, context: &Context, b: &Buffers<'_>) -> Result<()> {
         let chunks = b.gaussians.div_ceil(self.most_rows).max(1);
         self.network.set_rows(context, b.gaussians.div_ceil(chunks).max(1))?;

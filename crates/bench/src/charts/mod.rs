@@ -28,7 +28,7 @@ pub use colour_map::{ColourMap, diverging, heat};
 pub use embed::{picture_uri, png_uri};
 pub use errors::{ERROR_DB, ERROR_LIGHT, image_error, spectrum_error};
 pub use keyframe::{Sensors, keyframe, prediction, spectrum};
-pub use plot::{Corner, Frame, Mark, Plot};
+pub use plot::{AxesFrame, Corner, LegendMark, Plot};
 pub use quality::quality;
 pub use scale::{Scale, extent};
 pub use svg::{Anchor, Colour, Stroke, Svg, text_width, without_size};

@@ -1,6 +1,6 @@
 //! Figures of pictures: panels side by side, each with axes in degrees, a colour bar with its unit, and its peaks.
 
-use super::{Anchor, Colour, DIM, Frame, INK, Plot, Scale, Stroke, Svg, WHITE, picture_uri, png_uri, text_width};
+use super::{Anchor, AxesFrame, Colour, DIM, INK, Plot, Scale, Stroke, Svg, WHITE, picture_uri, png_uri, text_width};
 use crate::metrics::peaks::Peak;
 use anyhow::{Context, Result};
 use corf_raytrace::spectrum::Grid;
@@ -92,7 +92,7 @@ fn graticule(plot: &mut Plot<'_>, grid: &Grid) {
 }
 
 /// The rings of a picture's peaks, each with its number.
-fn mark(svg: &mut Svg, frame: Frame, peaks: &[Peak]) {
+fn mark(svg: &mut Svg, frame: AxesFrame, peaks: &[Peak]) {
     for (number, peak) in peaks.iter().enumerate() {
         let at = (frame.left + peak.x * (frame.right - frame.left), frame.top + peak.y * (frame.bottom - frame.top));
         svg.circle(at, 8.5, INK, false);
@@ -166,7 +166,7 @@ pub fn figure(title: &str, line: &str, rows: &[Vec<Panel<'_>>]) -> Result<String
 fn draw(svg: &mut Svg, panel: &Panel<'_>, (from, top): (f64, f64), width: f64) -> Result<f64> {
     let (x, y, aspect) = axes(&panel.grid)?;
     let top = top + OVER;
-    let frame = Frame { left: from + LEFT, top, right: from + LEFT + width, bottom: top + (width / aspect).round() };
+    let frame = AxesFrame { left: from + LEFT, top, right: from + LEFT + width, bottom: top + (width / aspect).round() };
     // What is read off by its colours is kept as it is.
     let uri = if panel.bar.is_some() { png_uri(&panel.picture)? } else { picture_uri(&panel.picture)? };
     svg.text((0.5 * (frame.left + frame.right), top - 11.0), &panel.name, 13.0, INK, Anchor::Middle);

@@ -22,7 +22,7 @@ const BAR_STEPS: usize = 64;
 /// The part of a figure between the axes, pixels. Below it the x axis takes some 40 pixels, left of it the y axis some 65, and right of it a
 /// colour bar some 75.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Frame {
+pub struct AxesFrame {
     /// Where the y axis stands.
     pub left: f64,
     /// The upper end.
@@ -33,7 +33,7 @@ pub struct Frame {
     pub bottom: f64,
 }
 
-impl Frame {
+impl AxesFrame {
     /// Ticks that the x axis has room for.
     pub fn x_ticks(&self) -> usize {
         ((self.right - self.left) / X_TICK) as usize
@@ -47,7 +47,7 @@ impl Frame {
 
 /// A sample of what a legend names.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Mark {
+pub enum LegendMark {
     /// A line.
     Line(Stroke),
     /// A disc.
@@ -68,14 +68,14 @@ pub enum Corner {
 /// A part of a figure with axes. Points are given as values of both; what lies beyond an axis's end is drawn at it, and what is no number is not drawn.
 pub struct Plot<'s> {
     svg: &'s mut Svg,
-    frame: Frame,
+    frame: AxesFrame,
     x: Scale,
     y: Scale,
 }
 
 impl<'s> Plot<'s> {
     /// A part of a figure, still without anything in it.
-    pub fn new(svg: &'s mut Svg, frame: Frame, x: Scale, y: Scale) -> Self {
+    pub fn new(svg: &'s mut Svg, frame: AxesFrame, x: Scale, y: Scale) -> Self {
         Self { svg, frame, x, y }
     }
 
@@ -85,13 +85,13 @@ impl<'s> Plot<'s> {
     }
 
     /// The part of the figure between them.
-    pub fn frame(&self) -> Frame {
+    pub fn frame(&self) -> AxesFrame {
         self.frame
     }
 
     /// The place of a value.
     fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
-        let Frame { left, top, right, bottom } = self.frame;
+        let AxesFrame { left, top, right, bottom } = self.frame;
         (left + self.x.share(x) * (right - left), bottom - self.y.share(y) * (bottom - top))
     }
 
@@ -102,13 +102,13 @@ impl<'s> Plot<'s> {
 
     /// A title over the frame.
     pub fn title(&mut self, text: &str) {
-        let Frame { left, top, right, .. } = self.frame;
+        let AxesFrame { left, top, right, .. } = self.frame;
         self.svg.text((0.5 * (left + right), top - 18.0), text, 16.0, INK, Anchor::Middle);
     }
 
     /// The x axis with ticks and name; `grid` draws lines from its ticks through the frame.
     pub fn x_axis(&mut self, name: &str, grid: bool) {
-        let Frame { left, top, right, bottom } = self.frame;
+        let AxesFrame { left, top, right, bottom } = self.frame;
         for (value, text) in self.x.ticks(self.frame.x_ticks()) {
             let x = left + self.x.share(value) * (right - left);
             if grid {
@@ -123,7 +123,7 @@ impl<'s> Plot<'s> {
 
     /// The y axis with ticks, and with a name if it is not empty; `grid` draws lines from its ticks through the frame.
     pub fn y_axis(&mut self, name: &str, grid: bool) {
-        let Frame { left, top, right, bottom } = self.frame;
+        let AxesFrame { left, top, right, bottom } = self.frame;
         let mut widest = 0.0_f64;
         for (value, text) in self.y.ticks(self.frame.y_ticks()) {
             let y = bottom - self.y.share(value) * (bottom - top);
@@ -167,13 +167,13 @@ impl<'s> Plot<'s> {
 
     /// A picture that fills the frame; `uri` is its data URI.
     pub fn image(&mut self, uri: &str) {
-        let Frame { left, top, right, bottom } = self.frame;
+        let AxesFrame { left, top, right, bottom } = self.frame;
         self.svg.image([(left, top), (right, bottom)], uri);
     }
 
     /// Names with their samples in a corner of the frame.
-    pub fn legend(&mut self, corner: Corner, entries: &[(Mark, &str)]) {
-        let Frame { left, top, bottom, .. } = self.frame;
+    pub fn legend(&mut self, corner: Corner, entries: &[(LegendMark, &str)]) {
+        let AxesFrame { left, top, bottom, .. } = self.frame;
         let width = entries.iter().map(|(_, text)| text_width(text, LABEL)).fold(0.0, f64::max) + SAMPLE + 30.0;
         let height = LEGEND_LINE * entries.len() as f64 + 12.0;
         let (x, y) = match corner {
@@ -186,9 +186,9 @@ impl<'s> Plot<'s> {
         for (i, (mark, text)) in entries.iter().enumerate() {
             let (x, y) = (x + 10.0, y + 6.0 + LEGEND_LINE * (i as f64 + 0.5));
             match *mark {
-                Mark::Line(stroke) => self.svg.line([(x, y), (x + SAMPLE, y)], stroke),
-                Mark::Disc(colour) => self.svg.circle((x + 0.5 * SAMPLE, y), 5.0, colour, true),
-                Mark::Ring(colour) => self.svg.circle((x + 0.5 * SAMPLE, y), 5.0, colour, false),
+                LegendMark::Line(stroke) => self.svg.line([(x, y), (x + SAMPLE, y)], stroke),
+                LegendMark::Disc(colour) => self.svg.circle((x + 0.5 * SAMPLE, y), 5.0, colour, true),
+                LegendMark::Ring(colour) => self.svg.circle((x + 0.5 * SAMPLE, y), 5.0, colour, false),
             }
             self.svg.text((x + SAMPLE + 10.0, y), text, LABEL, INK, Anchor::Start);
         }
@@ -196,7 +196,7 @@ impl<'s> Plot<'s> {
 
     /// A colour bar right of the frame: the colours of 0 to 1, lowest first, the values that they stand for, and over it their unit.
     pub fn colour_bar(&mut self, colour: impl Fn(f64) -> Colour, values: Scale, unit: &str) {
-        let Frame { top, right, bottom, .. } = self.frame;
+        let AxesFrame { top, right, bottom, .. } = self.frame;
         let (left, end) = (right + 14.0, right + 28.0);
         let step = (bottom - top) / BAR_STEPS as f64;
         for i in 0..BAR_STEPS {
@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn values_stand_where_the_axes_say_and_what_is_no_number_nowhere() {
         let mut svg = Svg::new(200, 100);
-        let frame = Frame { left: 50.0, top: 10.0, right: 150.0, bottom: 90.0 };
+        let frame = AxesFrame { left: 50.0, top: 10.0, right: 150.0, bottom: 90.0 };
         let mut plot = Plot::new(&mut svg, frame, Scale::linear(0.0, 10.0).unwrap(), Scale::logarithmic(1.0, 100.0).unwrap());
         plot.points([(5.0, 10.0), (f64::NAN, 2.0), (20.0, 1000.0)], 3.0, INK, true);
         plot.interval((0.0, 10.0), 1e3, INK);
@@ -234,7 +234,7 @@ mod tests {
     #[test]
     fn a_picture_has_axes_in_degrees_and_a_colour_bar_with_its_unit() {
         let mut svg = Svg::new(460, 300);
-        let frame = Frame { left: 70.0, top: 40.0, right: 370.0, bottom: 250.0 };
+        let frame = AxesFrame { left: 70.0, top: 40.0, right: 370.0, bottom: 250.0 };
         let mut plot = Plot::new(&mut svg, frame, Scale::linear(-90.0, 90.0).unwrap(), Scale::linear(-45.0, 45.0).unwrap());
         plot.image("data:image/png;base64,AAAA");
         plot.x_axis("azimuth, °", false);

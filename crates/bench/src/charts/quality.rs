@@ -1,6 +1,6 @@
 //! The figure of a run's quality over time.
 
-use super::{Frame, INK, PALETTE, Plot, Scale, Stroke, Svg, extent};
+use super::{AxesFrame, INK, PALETTE, Plot, Scale, Stroke, Svg, extent};
 use crate::record::CurvePoint;
 use anyhow::{Context, Result};
 
@@ -42,7 +42,7 @@ pub fn quality(title: &str, curve: &[CurvePoint]) -> Result<Option<String>> {
     svg.text((14.0, 20.0), title, 17.0, INK, super::Anchor::Start);
     for (number, (name, axis, points)) in parts.iter().enumerate() {
         let top = 14.0 + PART * number as f64;
-        let frame = Frame { left: 84.0, top: top + 56.0, right: WIDTH - 20.0, bottom: top + PART };
+        let frame = AxesFrame { left: 84.0, top: top + 56.0, right: WIDTH - 20.0, bottom: top + PART };
         let (low, high) = extent(points.iter().map(|p| p.1));
         let pad = (0.08 * (high - low)).max(1e-3 * high.abs()).max(1e-3);
         let y = Scale::linear(if low >= 0.0 { (low - pad).max(0.0) } else { low - pad }, high + pad)

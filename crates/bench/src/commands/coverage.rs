@@ -4,7 +4,7 @@ use super::{Verdict, show};
 use crate::files::json::write_json;
 use crate::note;
 use crate::radio_link::coverage_picture::CoveragePicture;
-use crate::radio_link::{LinkArgs, LinkSetup, Point};
+use crate::radio_link::{LinkArgs, LinkSetup, PointArg};
 use crate::run::claim_fresh;
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
@@ -31,13 +31,13 @@ pub struct Coverage {
     height: Option<f64>,
     /// Another rectangle: a corner and the ends of the two sides that meet there.
     #[arg(long, num_args = 3, value_names = ["CORNER", "END_U", "END_V"], allow_hyphen_values = true)]
-    plane: Option<Vec<Point>>,
+    plane: Option<Vec<PointArg>>,
     /// Side of a cell, metres.
     #[arg(long, value_name = "METRES", default_value_t = 0.25, allow_hyphen_values = true)]
     cell: f64,
     /// Transmitter, world metres; may be repeated: the scene's own there. Without it where that is, or those of --transmitter.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    tx: Vec<Point>,
+    tx: Vec<PointArg>,
     #[command(flatten)]
     link: LinkArgs,
     /// Folder for coverage.exr (path gain, linear), coverage.png (dBm) and coverage.json: of several transmitters the strongest in each

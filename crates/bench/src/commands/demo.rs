@@ -8,7 +8,7 @@ use crate::metrics::input::Input;
 use crate::record::Outcome;
 use crate::run::{KeptModel, claim_output};
 use crate::scenes::generate;
-use crate::scenes::generate::Options;
+use crate::scenes::generate::GenerateOptions;
 use crate::scenes::lobby;
 use crate::terminal::interrupt;
 use anyhow::Result;
@@ -46,7 +46,7 @@ impl Demo {
         lobby::unpack(&scene)?;
         interrupt::check()?;
         let config = DatasetConfig::load(scene.join(lobby::MINI))?;
-        let options = Options { resume: true, strict: false, light: backend.clone() };
+        let options = GenerateOptions { resume: true, strict: false, light: backend.clone() };
         let dataset = generate::generate(&config, &self.out.join("dataset"), options)?.dataset;
         let input = Input::of(dataset, true)?;
         let plan = Plan::parse(PLAN_TOML)?;

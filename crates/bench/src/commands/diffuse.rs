@@ -2,7 +2,7 @@
 
 use super::{Verdict, print};
 use crate::note;
-use crate::radio_link::{InteractionArgs, Point, ScatteringArgs};
+use crate::radio_link::{InteractionArgs, PointArg, ScatteringArgs};
 use crate::run::claim_shared;
 use crate::scenes::in_use;
 use crate::terminal::interrupt;
@@ -30,10 +30,10 @@ pub struct Diffuse {
     scene: PathBuf,
     /// Transmitter, world metres `x,y,z`; without it the scene's own.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    tx: Option<Point>,
+    tx: Option<PointArg>,
     /// Receiver, world metres `x,y,z`; any number of times.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, required = true)]
-    rx: Vec<Point>,
+    rx: Vec<PointArg>,
     #[command(flatten)]
     interactions: InteractionArgs,
     #[command(flatten)]
@@ -123,7 +123,7 @@ impl Diffuse {
         let samplings = (self.rx.len() as u64).saturating_mul(self.replicas);
         bounds::count("--replicas", samplings as usize, bounds::MAX_LINKS, "samplings of receivers")?;
         let near =
-            |rx: &Point| near_field::finding(&format!("receiver at {}", rx.0), rx.0.distance(tx), config.radio.frequency_hz);
+            |rx: &PointArg| near_field::finding(&format!("receiver at {}", rx.0), rx.0.distance(tx), config.radio.frequency_hz);
         messages::findings(self.rx.iter().filter_map(near));
         messages::findings(geometry_warnings(&scene, settings.transmission));
         let _held = self.arrivals.as_deref().map(claim_shared).transpose()?;

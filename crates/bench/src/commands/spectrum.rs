@@ -4,7 +4,7 @@ use super::{Verdict, show};
 use crate::charts::{self, ColourMap};
 use crate::files::json::write_json;
 use crate::note;
-use crate::radio_link::{PathArgs, Point, ScatteringArgs, path_args_over};
+use crate::radio_link::{PathArgs, PointArg, ScatteringArgs, path_args_over};
 use crate::run::claim_fresh;
 use crate::scenes::in_use;
 use crate::terminal::messages;
@@ -35,10 +35,10 @@ pub struct Spectrum {
     scene: PathBuf,
     /// Receiver, world metres `x,y,z`.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    rx: Point,
+    rx: PointArg,
     /// Point to look at, world metres `x,y,z`; without it the transmitter, where there is one.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    towards: Option<Point>,
+    towards: Option<PointArg>,
     /// Output folder: for every kind KIND.exr (linear), KIND-db.exr, KIND-jet.png and KIND.svg (a figure with axes, colour bar and peaks), and
     /// spectrum.json.
     #[arg(long)]

@@ -12,7 +12,7 @@ use crate::methods::stepwise::report_unless_kept;
 use crate::metrics::Prediction;
 use crate::terminal::interrupt;
 use anyhow::{Context, Result, ensure};
-use corf_baselines::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Sight, Trainer, TrainingRays};
+use corf_baselines::nerf2::{CpuTrainer, Model, Nerf2Config, Sight, TrainedNerf2, Trainer, TrainingRays};
 use corf_scene::dataset::{Dataset, FixedArray};
 use corf_scene::keyframe::Modalities;
 use corf_scene::{Keyframe, Pinhole, Radio, Rigid3};
@@ -97,7 +97,7 @@ fn sight(array: Option<&FixedArray>, camera: Pinhole) -> Sight {
 }
 
 /// A trainer that holds these parameters.
-fn trainer(backend: &Backend, field: &Field) -> Result<Box<dyn Trainer>> {
+fn trainer(backend: &Backend, field: &TrainedNerf2) -> Result<Box<dyn Trainer>> {
     match backend {
         Backend::Cpu => Ok(Box::new(CpuTrainer::new(&field.config, field.transmitter_m, field.parameters.clone())?)),
         #[cfg(feature = "gpu")]
@@ -151,7 +151,7 @@ impl Method for Nerf2 {
             let Radio { spectrum } = radio.with_context(|| format!("keyframe {index} has no spectrum"))?;
             rays.push(world_from_camera, &spectrum.map(|&s| range.scalar(s)))?;
         }
-        let mut field = Field {
+        let mut field = TrainedNerf2 {
             config: self.config,
             // The same for all rays: where it is not known, any other constant does as well.
             transmitter_m: training.transmitter_m().unwrap_or_default().map(|v| v as f32),
@@ -182,7 +182,7 @@ impl Method for Nerf2 {
                 );
                 let held = RefCell::new(trainer.as_mut());
                 let make = || -> Result<Option<Box<dyn Predictor>>> {
-                    let field = Field { parameters: held.borrow_mut().state()?.parameters, ..field.clone() };
+                    let field = TrainedNerf2 { parameters: held.borrow_mut().state()?.parameters, ..field.clone() };
                     let predictor = Nerf2Field { field, sight: sight.clone(), backend: self.backend.clone(), trainer: None };
                     Ok(Some(Box::new(predictor) as Box<dyn Predictor>))
                 };
@@ -211,7 +211,7 @@ impl Checkpointer {
     /// Goes on from the checkpoint, if there is one; says how many steps it has behind it.
     fn resume(&self, trainer: &mut dyn Trainer) -> Result<usize> {
         let Some((c, path)) = self.checkpoints.as_ref().and_then(|c| Some((c, c.to_resume()?))) else { return Ok(0) };
-        let (tag, state) = Field::read_state(path)?;
+        let (tag, state) = TrainedNerf2::read_state(path)?;
         c.check_tag(&tag)?;
         trainer.restore(&state)?;
         let steps = usize::try_from(state.steps)?;
@@ -223,7 +223,7 @@ impl Checkpointer {
         self.checkpoints.as_ref().is_some_and(|c| c.is_due(done, self.at))
     }
 
-    fn keep(&self, field: &Field, trainer: &mut dyn Trainer) -> Result<()> {
+    fn keep(&self, field: &TrainedNerf2, trainer: &mut dyn Trainer) -> Result<()> {
         let Some(c) = self.checkpoints.as_ref().filter(|c| c.are_kept()) else { return Ok(()) };
         let state = trainer.state()?;
         field.write_state(&c.path, &c.written_tag(), &state).context("while keeping a checkpoint")?;
@@ -234,7 +234,7 @@ impl Checkpointer {
 
 /// A trained field.
 pub struct Nerf2Field {
-    field: Field,
+    field: TrainedNerf2,
     sight: Sight,
     backend: Backend,
     /// Made when it is first needed.
@@ -247,7 +247,7 @@ impl Nerf2Field {
     /// # Errors
     /// A missing or damaged file.
     pub fn load(run: &Path, dataset: &Dataset, backend: &Backend) -> Result<Self> {
-        let field = Field::read(&run.join(FIELD))?;
+        let field = TrainedNerf2::read(&run.join(FIELD))?;
         Ok(Self { field, sight: sight(dataset.fixed_array(), dataset.radio_camera()), backend: backend.clone(), trainer: None })
     }
 }

@@ -10,7 +10,7 @@ use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::Prediction;
 use anyhow::Result;
 use corf::{Field, IdleKey, RasterConfig};
-use corf_baselines::rf_3dgs::{Point, Rf3dgsCheckpoint, Rf3dgsConfig, Rf3dgsReconstructor, Rf3dgsTimes, write_ply};
+use corf_baselines::rf_3dgs::{Rf3dgsCheckpoint, Rf3dgsConfig, Rf3dgsReconstructor, Rf3dgsTimes, SparsePoint, write_ply};
 use corf_scene::Rigid3;
 use schemars::schema_for;
 use std::path::Path;
@@ -181,7 +181,7 @@ impl Stepwise for Rf3dgsReconstructor {
 /// The field, and the points it grew from for whoever wants to begin with the same.
 struct WithPoints {
     field: FieldPredictor,
-    points: Vec<Point>,
+    points: Vec<SparsePoint>,
 }
 
 impl Predictor for WithPoints {

@@ -5,7 +5,7 @@
 use crate::note;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use corf::image_networks::lpips::{Backbone, Input, Lpips};
+use corf::image_networks::lpips::{Backbone, Lpips, LpipsInput};
 use corf_scene::Raster;
 use corf_scene::dataset::Dataset;
 use serde::{Deserialize, Serialize};
@@ -151,7 +151,7 @@ impl LpipsNetworks {
         let mut found = BTreeMap::new();
         let compared = pairs.iter().filter(|(name, ..)| self.images.include(name));
         for (network, (name, a, b)) in self.networks.iter().flat_map(|n| compared.clone().map(move |p| (n, p))) {
-            for (input, mark) in [(Input::Signed, ""), (Input::Unit, "_01")] {
+            for (input, mark) in [(LpipsInput::Signed, ""), (LpipsInput::Unit, "_01")] {
                 found.insert(format!("lpips_{}{mark}_{name}", network.backbone().name()), network.distance(a, b, input));
             }
         }

@@ -4,7 +4,7 @@ use super::Publication;
 use anyhow::Result;
 use corf_scene::Raster;
 use corf_scene::dataset::stem;
-use corf_scene::draw::{Canvas, Format, TextAnchor, hex, text};
+use corf_scene::draw::{Canvas, PictureFormat, TextAnchor, hex, text};
 
 /// Columns and rows of the sheet.
 const GRID: [usize; 2] = [4, 3];
@@ -80,7 +80,7 @@ impl Publication<'_> {
             let at = [(GAP + i % GRID[0] * cell_width) as f32, (GAP + i / GRID[0] * cell_height) as f32 + LABEL.0 + 3.0];
             text(&mut canvas, &format!("{} {}", stem(index), self.role(index)), at, TextAnchor::Left, LABEL.0, INK);
         }
-        Ok(canvas.encode(Format::Png))
+        Ok(canvas.encode(PictureFormat::Png))
     }
 }
 

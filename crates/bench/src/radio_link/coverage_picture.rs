@@ -1,7 +1,7 @@
 //! A coverage map as a picture: colours, walls, transmitters, axes in metres and a scale.
 
 use corf_raytrace::radio::coverage::CoveragePlane;
-use corf_scene::draw::{Canvas, Format, TextAnchor, clip, hex, metre_axes, text};
+use corf_scene::draw::{Canvas, PictureFormat, TextAnchor, clip, hex, metre_axes, text};
 use corf_scene::{Raster, Scene, color};
 use glam::{DVec2, DVec3};
 
@@ -96,7 +96,7 @@ impl<'m> CoveragePicture<'m> {
         self.title(&mut canvas, transmitters.len());
         self.axes(&mut canvas, width, height, per_metre);
         self.scale(&mut canvas, width, height);
-        canvas.encode(Format::Png)
+        canvas.encode(PictureFormat::Png)
     }
 
     /// Normalised level of a linear gain: 0 at the lower end of the dBm range, 1 at its upper end.

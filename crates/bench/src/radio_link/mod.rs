@@ -81,7 +81,7 @@ pub struct LinkArray {
     /// Elements along array y. Default 1.
     pub cols: Option<usize>,
     /// Element spacing in wavelengths, `0.5` or `[between columns, between rows]`.
-    pub spacing_wavelengths: Option<Spacing>,
+    pub spacing_wavelengths: Option<SpacingArg>,
     /// Element pattern.
     pub pattern: Option<AntennaPattern>,
     /// Polarisation.
@@ -93,7 +93,7 @@ pub struct LinkArray {
 /// Spacing of elements, wavelengths.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
-pub enum Spacing {
+pub enum SpacingArg {
     /// Along both axes.
     Both(f64),
     /// Between columns, between rows.
@@ -152,9 +152,9 @@ pub struct LinkArgs {
 
 /// A point on the command line.
 #[derive(Clone, Copy, Debug)]
-pub struct Point(pub DVec3);
+pub struct PointArg(pub DVec3);
 
-impl FromStr for Point {
+impl FromStr for PointArg {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -172,7 +172,7 @@ impl FromStr for Point {
 
 /// The size of an array on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Grid {
+pub struct ArraySizeArg {
     /// Rows.
     pub rows: usize,
     /// Columns.
@@ -184,7 +184,7 @@ const MAX_SIDE: usize = 1024;
 /// … and those of more in all.
 const MAX_ELEMENTS: usize = 4096;
 
-impl FromStr for Grid {
+impl FromStr for ArraySizeArg {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -249,7 +249,12 @@ impl LinkSetup {
     ///
     /// # Errors
     /// A file that cannot be read, a value out of range, a material that cannot be used.
-    pub fn load(scene: &Path, arguments: &LinkArgs, tx_grid: Option<Grid>, rx_grid: Option<Grid>) -> Result<Self> {
+    pub fn load(
+        scene: &Path,
+        arguments: &LinkArgs,
+        tx_grid: Option<ArraySizeArg>,
+        rx_grid: Option<ArraySizeArg>,
+    ) -> Result<Self> {
         let config = SceneConfig::load(scene)?;
         let mut link: LinkConfig = arguments.config.as_ref().map(read_toml).transpose()?.unwrap_or_default();
         if let Some(path) = &arguments.config {
@@ -453,12 +458,17 @@ impl LinkSetup {
 }
 
 /// The array asked for, of the scene's elements at the scene's spacing. One element keeps the scene's beam; the ports of several are no beam.
-fn array(given: &LinkArray, grid: Option<Grid>, (scene, spacing): (Antenna, [f64; 2]), place: &str) -> Result<AntennaArray> {
+fn array(
+    given: &LinkArray,
+    grid: Option<ArraySizeArg>,
+    (scene, spacing): (Antenna, [f64; 2]),
+    place: &str,
+) -> Result<AntennaArray> {
     let rows = grid.map_or(given.rows.unwrap_or(1), |g| g.rows);
     let columns = grid.map_or(given.cols.unwrap_or(1), |g| g.columns);
     let spacing_wavelengths = match given.spacing_wavelengths {
-        Some(Spacing::Both(s)) => [s, s],
-        Some(Spacing::Each(pair)) => pair,
+        Some(SpacingArg::Both(s)) => [s, s],
+        Some(SpacingArg::Each(pair)) => pair,
         None => spacing,
     };
     let sides = 1..=MAX_SIDE;
@@ -499,13 +509,13 @@ mod tests {
 
     #[test]
     fn points_and_grids_are_read_or_refused() {
-        assert_eq!("1, -2.5,3".parse::<Point>().map(|p| p.0), Ok(DVec3::new(1.0, -2.5, 3.0)));
-        assert_eq!("4x8".parse(), Ok(Grid { rows: 4, columns: 8 }));
+        assert_eq!("1, -2.5,3".parse::<PointArg>().map(|p| p.0), Ok(DVec3::new(1.0, -2.5, 3.0)));
+        assert_eq!("4x8".parse(), Ok(ArraySizeArg { rows: 4, columns: 8 }));
         for bad in ["1,2", "1,2,nan", "1,2,3,4", "a,b,c"] {
-            assert!(bad.parse::<Point>().is_err(), "{bad}");
+            assert!(bad.parse::<PointArg>().is_err(), "{bad}");
         }
         for bad in ["4", "0x8", "4x", "-1x3", "4x5000"] {
-            assert!(bad.parse::<Grid>().is_err(), "{bad}");
+            assert!(bad.parse::<ArraySizeArg>().is_err(), "{bad}");
         }
     }
 }

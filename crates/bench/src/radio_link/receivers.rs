@@ -1,6 +1,6 @@
 //! Receivers of many links: points, a file of points, the scene's trajectory.
 
-use super::{Point, table};
+use super::{PointArg, table};
 use crate::note;
 use anyhow::Result;
 use corf_scene::config::SceneConfig;
@@ -12,7 +12,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// None at all, a file that is no list of points, a scene without a trajectory.
-pub fn receivers(config: &SceneConfig, points: &[Point], file: Option<&Path>, poses: Option<usize>) -> Result<Vec<DVec3>> {
+pub fn receivers(config: &SceneConfig, points: &[PointArg], file: Option<&Path>, poses: Option<usize>) -> Result<Vec<DVec3>> {
     let mut all: Vec<DVec3> = points.iter().map(|p| p.0).collect();
     if let Some(path) = file {
         all.extend(read(path)?);

@@ -1,6 +1,6 @@
 //! Charts as inline SVG.
 
-use crate::charts::{Frame, PALETTE, Plot, Scale, Stroke, Svg, extent, without_size};
+use crate::charts::{AxesFrame, PALETTE, Plot, Scale, Stroke, Svg, extent, without_size};
 use crate::files::escape;
 use crate::record::{HeldOutQuality, Numbers, Outcome, Record};
 
@@ -46,7 +46,7 @@ fn chart(title: &str, x: &str, y: &str, lines: &[Line], from_zero: bool) -> Stri
         Err(e) => return format!("<p class=\"note\">{}: {e}.</p>", escape::html(title)),
     };
     let mut svg = Svg::new(640, 380);
-    let mut plot = Plot::new(&mut svg, Frame { left: 80.0, top: 40.0, right: 628.0, bottom: 332.0 }, x_scale, y_scale);
+    let mut plot = Plot::new(&mut svg, AxesFrame { left: 80.0, top: 40.0, right: 628.0, bottom: 332.0 }, x_scale, y_scale);
     plot.title(title);
     plot.y_axis(y, true);
     plot.x_axis(x, true);

@@ -38,7 +38,7 @@ pub struct Generated {
 
 /// Options of the generation of a dataset.
 #[derive(Clone, Debug, Default)]
-pub struct Options {
+pub struct GenerateOptions {
     /// Go on in a folder that holds some of it.
     pub resume: bool,
     /// Refuse what would otherwise be a warning about where transmitter and platform stand.
@@ -51,7 +51,7 @@ pub struct Options {
 ///
 /// # Errors
 /// A scene that cannot be read or traced, an occupied or unwritable folder, an interrupt.
-pub fn generate(config: &DatasetConfig, out: &Path, options: Options) -> Result<Generated> {
+pub fn generate(config: &DatasetConfig, out: &Path, options: GenerateOptions) -> Result<Generated> {
     let scene_config = config.load_scene_config()?;
     let scene = in_use::load(&scene_config)?;
     generate_from(config, &scene_config, &scene, out, options)
@@ -66,7 +66,7 @@ pub fn generate_from(
     scene_config: &SceneConfig,
     scene: &Scene,
     out: &Path,
-    Options { resume, strict, light: device }: Options,
+    GenerateOptions { resume, strict, light: device }: GenerateOptions,
 ) -> Result<Generated> {
     scene_config.check_radio(scene)?;
     let placement = radio_check::placement_findings(scene_config, scene);
@@ -411,7 +411,7 @@ mod tests {
         (config.light.samples_per_pixel, config.radio.width, config.radio.height) = (Some(1), 12, 8);
         let folder = tempfile::tempdir().unwrap();
         let make = |name: &str, light: &Backend, resume: bool| {
-            generate(&config, &folder.path().join(name), Options { resume, strict: false, light: light.clone() })
+            generate(&config, &folder.path().join(name), GenerateOptions { resume, strict: false, light: light.clone() })
         };
         let [own, other] =
             [("cpu", Backend::Cpu), ("gpu", gpu.clone())].map(|(name, device)| make(name, &device, false).unwrap().dataset);
@@ -440,7 +440,7 @@ mod tests {
             (config.light.method, config.light.exposure_ev) = (LightMethod::Path, Some(0.0));
             (config.light.width, config.light.height) = (2400, (largest / 80 / 2400 + 8) as usize);
             let out = folder.path().join("large");
-            let options = Options { light: gpu.clone(), ..Options::default() };
+            let options = GenerateOptions { light: gpu.clone(), ..GenerateOptions::default() };
             let refusal = generate(&config, &out, options).err().unwrap();
             assert!(format!("{refusal:#}").contains("choose --device cpu"), "{refusal:#}");
             let left = std::fs::read_dir(&out).map_or(0, Iterator::count);

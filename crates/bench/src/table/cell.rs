@@ -27,7 +27,7 @@ pub enum Value {
 
 /// A cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cell {
+pub struct TableCell {
     /// What stands in it.
     pub value: Value,
     /// Digits after the point.
@@ -40,7 +40,7 @@ pub struct Cell {
     pub mark: Mark,
 }
 
-impl Cell {
+impl TableCell {
     pub(super) fn mean(summary: Option<Summary>, digits: usize) -> Self {
         let value = summary.map_or(Value::None, Value::Mean);
         Self { value, digits, stated: false, bold: false, mark: Mark::None }

@@ -10,7 +10,7 @@ pub mod paper;
 #[cfg(test)]
 mod tests;
 
-pub use cell::{Cell, STATED_LATEX, TOO_FEW_LATEX, TOO_FEW_MARK, TOO_FEW_NOTE, Value, text};
+pub use cell::{STATED_LATEX, TOO_FEW_LATEX, TOO_FEW_MARK, TOO_FEW_NOTE, TableCell, Value, text};
 pub use columns::{Columns, columns, help_of_keys, short_columns};
 pub use devices::Place;
 pub use marks::Mark;
@@ -162,7 +162,7 @@ pub struct Line<'a> {
     /// Whether a cell of it failed.
     pub failed: bool,
     /// One a column behind the labels.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<TableCell>,
 }
 
 /// Digits of times behind the point, of seconds.
@@ -191,23 +191,23 @@ fn short_with<'a>(rows: &'a [Row<'a>], columns: &Columns, usual: &[Extra]) -> Sh
     });
     let marked: Vec<Vec<Mark>> = of_metrics.chain(of_extras).collect();
     let line = |(at, row): (usize, &'a Row<'a>)| {
-        let of_metrics = columns.metrics.iter().map(|c| Cell::mean(row.metric(c), c.digits));
+        let of_metrics = columns.metrics.iter().map(|c| TableCell::mean(row.metric(c), c.digits));
         let of_extras = extras.iter().map(|extra| match extra {
             Extra::Difference => {
                 let difference = if at == 0 { None } else { row.difference_of(leading, &rows[0]) };
-                Cell { bold: difference.is_some_and(|d| d.excludes_zero()), ..Cell::mean(difference, 2) }
+                TableCell { bold: difference.is_some_and(|d| d.excludes_zero()), ..TableCell::mean(difference, 2) }
             }
-            Extra::Gaussians => Cell { stated: row.stated, ..Cell::mean(row.gaussians(), 0) },
-            Extra::Seconds => Cell { stated: row.stated, ..Cell::mean(row.seconds(), SECONDS_DIGITS) },
-            Extra::Seeds => Cell::count(row.done.len()),
+            Extra::Gaussians => TableCell { stated: row.stated, ..TableCell::mean(row.gaussians(), 0) },
+            Extra::Seconds => TableCell { stated: row.stated, ..TableCell::mean(row.seconds(), SECONDS_DIGITS) },
+            Extra::Seeds => TableCell::count(row.done.len()),
         });
-        let cells = of_metrics.chain(of_extras).zip(&marked).map(|(cell, marks)| Cell { mark: marks[at], ..cell });
+        let cells = of_metrics.chain(of_extras).zip(&marked).map(|(cell, marks)| TableCell { mark: marks[at], ..cell });
         Line { label: &row.label, failed: !row.failed.is_empty(), cells: cells.collect() }
     };
     let lines: Vec<Line<'_>> = rows.iter().enumerate().map(line).collect();
     let all: Vec<&Row<'_>> = rows.iter().collect();
     let mut note = note(&all, columns);
-    if lines.iter().flat_map(|line| &line.cells).any(Cell::is_of_two) {
+    if lines.iter().flat_map(|line| &line.cells).any(TableCell::is_of_two) {
         note += &format!(" {TOO_FEW_NOTE}");
     }
     Short { headings, lines, note }

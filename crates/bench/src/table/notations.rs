@@ -1,7 +1,7 @@
 //! The notations of a table: Markdown, CSV, LaTeX (plain, and with columns of siunitx), and aligned text for a terminal.
 
 use super::columns::Extra;
-use super::{Cell, Columns, Mark, Row, STATED_LATEX, Short, TOO_FEW_LATEX, Value, devices, short, short_with};
+use super::{Columns, Mark, Row, STATED_LATEX, Short, TOO_FEW_LATEX, TableCell, Value, devices, short, short_with};
 use crate::files::escape;
 use crate::metrics::stats::Summary;
 use crate::metrics::{COLUMNS, Column};
@@ -97,7 +97,7 @@ fn latex_headings(columns: &Columns) -> Vec<String> {
 }
 
 /// A cell's number as LaTeX and siunitx read it; `None` where nothing stands in it.
-fn latex_number(cell: &Cell) -> Option<String> {
+fn latex_number(cell: &TableCell) -> Option<String> {
     let digits = cell.digits;
     match cell.value {
         Value::None => None,
@@ -108,7 +108,7 @@ fn latex_number(cell: &Cell) -> Option<String> {
 }
 
 /// Marks behind a cell's number, in LaTeX.
-fn latex_marks(cell: &Cell) -> String {
+fn latex_marks(cell: &TableCell) -> String {
     let marks = [(cell.is_of_two(), r"\ddagger"), (cell.stated, r"\dagger")];
     let marks: String = marks.iter().filter(|(is_so, _)| *is_so).map(|(_, mark)| *mark).collect();
     if marks.is_empty() { marks } else { format!("^{{{marks}}}") }
@@ -120,12 +120,12 @@ pub fn latex_footnote(columns: usize, mark: &str, meaning: &str) -> String {
 }
 
 /// Whether a cell is set in bold: the best of its column, or a difference whose interval excludes zero.
-fn is_bold(cell: &Cell) -> bool {
+fn is_bold(cell: &TableCell) -> bool {
     cell.bold || cell.mark == Mark::Best
 }
 
 /// A tabular: `spec` are its columns, a line of `headings`, and every cell as `write` has it.
-fn tabular(short: &Short<'_>, spec: &str, headings: &[String], write: impl Fn(&Cell) -> String) -> String {
+fn tabular(short: &Short<'_>, spec: &str, headings: &[String], write: impl Fn(&TableCell) -> String) -> String {
     let mut out = format!("\\begin{{tabular}}{{{spec}}}\n  \\toprule\n  Method");
     headings.iter().for_each(|heading| out.push_str(&format!(" & {heading}")));
     out.push_str(" \\\\\n  \\midrule\n");
@@ -136,7 +136,7 @@ fn tabular(short: &Short<'_>, spec: &str, headings: &[String], write: impl Fn(&C
     }
     out.push_str("  \\bottomrule\n");
     let cells = || short.lines.iter().flat_map(|line| &line.cells);
-    if cells().any(Cell::is_of_two) {
+    if cells().any(TableCell::is_of_two) {
         out.push_str(&latex_footnote(headings.len() + 1, r"\ddagger", TOO_FEW_LATEX));
     }
     if cells().any(|cell| cell.stated && cell.value != Value::None) {
@@ -169,7 +169,7 @@ pub fn siunitx(rows: &[Row<'_>], columns: &Columns) -> String {
     let headings: Vec<String> = latex_headings(columns).into_iter().map(|heading| format!("{{{heading}}}")).collect();
     let mut spec = String::from("l");
     for at in 0..headings.len() {
-        let cells: Vec<&Cell> = short.lines.iter().map(|line| &line.cells[at]).collect();
+        let cells: Vec<&TableCell> = short.lines.iter().map(|line| &line.cells[at]).collect();
         let _ = write!(spec, "S[table-format={}]", table_format(&cells));
     }
     let table = tabular(&short, &spec, &headings, |cell| {
@@ -185,7 +185,7 @@ pub fn siunitx(rows: &[Row<'_>], columns: &Columns) -> String {
 }
 
 /// siunitx's description of a column's numbers: digits before and after the point, and those of the interval.
-fn table_format(cells: &[&Cell]) -> String {
+fn table_format(cells: &[&TableCell]) -> String {
     let (mut sign, mut whole, mut decimals, mut uncertain) = ("", 1, 0, 0);
     for cell in cells {
         let (mean, half) = match cell.value {
@@ -215,7 +215,7 @@ pub fn plain(rows: &[Row<'_>], columns: &Columns, width: Option<usize>) -> Strin
     let mut lines: Vec<Vec<String>> = vec![short.headings.iter().map(|heading| heading.to_string()).collect()];
     for line in short.lines {
         let failed = if line.failed { " (FAILED)" } else { "" };
-        lines.push(std::iter::once(format!("{}{failed}", line.label)).chain(line.cells.iter().map(Cell::text)).collect());
+        lines.push(std::iter::once(format!("{}{failed}", line.label)).chain(line.cells.iter().map(TableCell::text)).collect());
     }
     let widest = |column: usize| lines.iter().map(|l| l[column].chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..lines[0].len()).map(widest).collect();

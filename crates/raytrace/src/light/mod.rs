@@ -36,7 +36,7 @@ pub use cache::{CacheSettings, LightCache, ViewSettings};
 pub use develop::{develop, develop_frame, develop_pixel};
 #[cfg(feature = "gpu")]
 pub use gpu::GpuLight;
-pub use renderer::{Developed, LightSampling, Processor, Renderer, View};
+pub use renderer::{Developed, LightSampling, LightView, Processor, Renderer};
 pub use stages::{Spent, Stages};
 
 use crate::bvh::{Bvh, Ray};

@@ -5,7 +5,7 @@ use corf_scene::{Pinhole, Raster, Result, Rigid3};
 
 /// A place to look from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct View {
+pub struct LightView {
     /// Pose of the camera in the world.
     pub world_from_camera: Rigid3,
     /// Makes frames independent of each other: the keyframe's index.
@@ -42,13 +42,19 @@ pub trait Renderer: Send + Sync {
     ///
     /// # Errors
     /// The device's: it was lost, or its memory does not suffice.
-    fn render(&self, camera: &Pinhole, views: &[View], sampling: &LightSampling) -> Result<Vec<LightFrame>>;
+    fn render(&self, camera: &Pinhole, views: &[LightView], sampling: &LightSampling) -> Result<Vec<LightFrame>>;
 
     /// Renders and develops views ([`develop_frame`]).
     ///
     /// # Errors
     /// Those of [`Self::render`].
-    fn develop(&self, camera: &Pinhole, views: &[View], sampling: &LightSampling, exposure_ev: f32) -> Result<Vec<Developed>> {
+    fn develop(
+        &self,
+        camera: &Pinhole,
+        views: &[LightView],
+        sampling: &LightSampling,
+        exposure_ev: f32,
+    ) -> Result<Vec<Developed>> {
         let developed = |frame: LightFrame| Developed {
             image: develop_frame(&frame, exposure_ev),
             finite: frame.is_finite(),
@@ -91,8 +97,8 @@ pub struct Processor<'a> {
 }
 
 impl Renderer for Processor<'_> {
-    fn render(&self, camera: &Pinhole, views: &[View], sampling: &LightSampling) -> Result<Vec<LightFrame>> {
-        let one = |view: &View| match (sampling, &self.cache) {
+    fn render(&self, camera: &Pinhole, views: &[LightView], sampling: &LightSampling) -> Result<Vec<LightFrame>> {
+        let one = |view: &LightView| match (sampling, &self.cache) {
             (LightSampling::Path(settings), _) => Ok(self.tracer.render(camera, &view.world_from_camera, settings, view.key)),
             (LightSampling::Cached(settings), Some(cache)) => {
                 Ok(cache.render(camera, &view.world_from_camera, settings, view.key))

@@ -1,6 +1,6 @@
 //! Coverage: the noncoherent path gain of transmitters on the cells of a plane.
 
-use super::{Arrival, DiffuseField, Extent, RadioSettings, Solids, Transmitter};
+use super::{Arrival, DiffuseField, RadioSettings, Solids, Transmitter, WorldExtent};
 use corf_scene::{Error, Raster, Result, Scene};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -134,7 +134,7 @@ pub fn coverage<E: From<Error>>(
         }
         let paths: f64 = transmitter.paths(rx)?.iter().map(|path| path.received(tx_antenna, rx_antenna)).sum();
         let scattered: f64 = match diffuse {
-            Some(field) => field.gather(rx, rx_antenna, &Extent::Sphere)?.iter().map(|a: &Arrival| a.power).sum(),
+            Some(field) => field.gather(rx, rx_antenna, &WorldExtent::Sphere)?.iter().map(|a: &Arrival| a.power).sum(),
             None => 0.0,
         };
         Ok((paths + scattered) as f32)

@@ -1,8 +1,8 @@
 //! The optical half of a keyframe: light at a pose, developed.
 
 use crate::light::{
-    self, CacheSettings, LightCache, LightFrame, LightSampling, LightSettings, LightTracer, Processor, Renderer, Spent, View,
-    ViewSettings,
+    self, CacheSettings, LightCache, LightFrame, LightSampling, LightSettings, LightTracer, LightView, Processor, Renderer,
+    Spent, ViewSettings,
 };
 use corf_scene::config::{DatasetConfig, LightConfig, LightMethod};
 use corf_scene::dataset::Extras;
@@ -160,7 +160,8 @@ impl<'a> LightSensor<'a> {
     /// # Errors
     /// Light that is not a finite number; a denoiser without memory; the device's.
     pub fn look(&self, world_from_camera: &Rigid3, key: u64) -> Result<LightFrame> {
-        let mut frame = self.render(&self.intrinsics, View { world_from_camera: *world_from_camera, key }, &self.sampling)?;
+        let mut frame =
+            self.render(&self.intrinsics, LightView { world_from_camera: *world_from_camera, key }, &self.sampling)?;
         let finite = |frame: &LightFrame| if frame.is_finite() { Ok(()) } else { Err(not_a_number(key)) };
         finite(&frame)?;
         if let Some(denoiser) = &self.denoiser {
@@ -171,7 +172,7 @@ impl<'a> LightSensor<'a> {
     }
 
     /// One view.
-    fn render(&self, camera: &Pinhole, view: View, sampling: &LightSampling) -> Result<LightFrame> {
+    fn render(&self, camera: &Pinhole, view: LightView, sampling: &LightSampling) -> Result<LightFrame> {
         self.renderer.render(camera, &[view], sampling)?.pop().ok_or_else(lost)
     }
 
@@ -197,7 +198,7 @@ impl<'a> LightSensor<'a> {
             }
         };
         let (mut sum, mut n) = (0.0_f64, 0usize);
-        let views: Vec<View> = poses.iter().step_by((poses.len() / METERED_POSES).max(1)).map(view_of).collect();
+        let views: Vec<LightView> = poses.iter().step_by((poses.len() / METERED_POSES).max(1)).map(view_of).collect();
         for frame in self.renderer.render(&small, &views, &sampling)? {
             for &rgb in frame.radiance.pixels() {
                 sum += f64::from(light::luminance(rgb.into()).max(1e-4).ln());
@@ -228,12 +229,12 @@ impl<'a> LightSensor<'a> {
     pub fn see_all(&self, poses: &[&TrajectoryPose]) -> Result<Vec<(Light, Extras)>> {
         let seen = |image, depth_m, surface| Light { image, depth_m: Some(depth_m), surface: Some(surface), mask: None };
         if !self.keeps_frames() {
-            let views: Vec<View> = poses.iter().map(|pose| view_of(pose)).collect();
+            let views: Vec<LightView> = poses.iter().map(|pose| view_of(pose)).collect();
             let developed = self.renderer.develop(&self.intrinsics, &views, &self.sampling, self.exposure_ev)?;
             if developed.len() != views.len() {
                 return Err(lost());
             }
-            let checked = |(light::Developed { image, depth_m, surface, finite }, view): (light::Developed, &View)| {
+            let checked = |(light::Developed { image, depth_m, surface, finite }, view): (light::Developed, &LightView)| {
                 if finite { Ok((seen(image, depth_m, surface), Extras::default())) } else { Err(not_a_number(view.key)) }
             };
             return developed.into_iter().zip(&views).map(checked).collect();
@@ -295,6 +296,6 @@ fn lost() -> Error {
     Error::invalid("light", "a view was lost", "this is a defect of the device")
 }
 
-fn view_of(pose: &TrajectoryPose) -> View {
-    View { world_from_camera: pose.world_from_camera, key: pose.index as u64 }
+fn view_of(pose: &TrajectoryPose) -> LightView {
+    LightView { world_from_camera: pose.world_from_camera, key: pose.index as u64 }
 }

@@ -177,9 +177,9 @@ impl Extent {
     /// A position that is not finite.
     pub fn gather(&self, field: &DiffuseField<'_, '_>, pose: &Rigid3, element: &Antenna) -> Result<Vec<Arrival>> {
         let extent = match *self {
-            Self::View(camera) => diffuse::Extent::View { camera, world_from_camera: *pose },
-            Self::Front => diffuse::Extent::Front { boresight: world_from_array(pose).x_axis },
-            Self::Sphere => diffuse::Extent::Sphere,
+            Self::View(camera) => diffuse::WorldExtent::View { camera, world_from_camera: *pose },
+            Self::Front => diffuse::WorldExtent::Front { boresight: world_from_array(pose).x_axis },
+            Self::Sphere => diffuse::WorldExtent::Sphere,
         };
         field.gather(pose.translation, element, &extent)
     }

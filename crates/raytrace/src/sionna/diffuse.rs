@@ -6,7 +6,7 @@
 use super::reference::{DiffuseReference, DiffuseResult, Estimate, single};
 use super::report::ComparedQuantity;
 use super::{CheckReport, Comparison};
-use crate::radio::diffuse::{Event, Extent, Scattered};
+use crate::radio::diffuse::{Event, Scattered, WorldExtent};
 use crate::radio::{Arrival, DiffuseField, DiffuseSettings, Path, PlanarArray, RadioSettings, RadioTracer, Search};
 use crate::spectrum::{Bartlett, RearHalfSpace};
 use corf_scene::{Result, Scene};
@@ -94,7 +94,7 @@ pub(super) fn check(reference: &DiffuseReference) -> Result<CheckReport> {
             }
             // The map holds what the library found: everything but what follows a scattering.
             let mut arrivals: Vec<Arrival> = paths.iter().map(|p| Arrival::from_path(p, reference.frequency_hz)).collect();
-            arrivals.extend(everything.gather(rx, everything.antenna(), &Extent::Sphere)?);
+            arrivals.extend(everything.gather(rx, everything.antenna(), &WorldExtent::Sphere)?);
             compare_map(&mut comparison, reference, result, &arrivals, map_allowed(result, case.args.seeds));
             comparisons.push(comparison);
         }

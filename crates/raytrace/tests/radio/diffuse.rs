@@ -3,7 +3,7 @@
 use crate::rooms::{add_box, empty, material, room, settings};
 use corf_raytrace::Bvh;
 use corf_raytrace::radio::{
-    Arrival, DiffuseField, DiffuseSettings, Extent, PlanarArray, RadioSettings, RadioTracer, SPEED_OF_LIGHT, Search,
+    Arrival, DiffuseField, DiffuseSettings, PlanarArray, RadioSettings, RadioTracer, SPEED_OF_LIGHT, Search, WorldExtent,
 };
 use corf_raytrace::spectrum::{Bartlett, RearHalfSpace, mpc, share_in_frame};
 use corf_scene::config::DatasetConfig;
@@ -96,7 +96,7 @@ fn thread_count_changes_nothing() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let field = DiffuseField::new(&tracer, tx, &sampling).unwrap();
-            let diffuse = field.gather(rx, field.antenna(), &Extent::Sphere).unwrap();
+            let diffuse = field.gather(rx, field.antenna(), &WorldExtent::Sphere).unwrap();
             (tracer.paths(tx, rx).unwrap(), diffuse)
         })
     };
@@ -113,7 +113,7 @@ fn cross_polarisation_takes_its_share_of_the_vertical_power() {
         let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_interactions: 1, ..RadioSettings::default() }).unwrap();
         let sampling = DiffuseSettings { directions: 20_000, ..DiffuseSettings::default() };
         let field = DiffuseField::new(&tracer, DVec3::new(-0.6, -0.5, 1.3), &sampling).unwrap();
-        field.gather(DVec3::new(0.9, 0.2, 0.8), field.antenna(), &Extent::Sphere).unwrap().iter().map(|a| a.power).sum()
+        field.gather(DVec3::new(0.9, 0.2, 0.8), field.antenna(), &WorldExtent::Sphere).unwrap().iter().map(|a| a.power).sum()
     };
     // The transmitted field is vertical, the receiver takes the vertical component: 1 − K_x of the power.
     assert!((power(0.25) / power(0.0) - 0.75).abs() < 1e-9);
@@ -161,7 +161,7 @@ fn lobby_mini_is_converged_with_its_own_settings() {
         let [a, b] = fields.each_ref().map(|field| {
             let mut arrivals = specular.clone();
             arrivals.extend(
-                field.gather(pose.translation, field.antenna(), &Extent::View { camera, world_from_camera: *pose }).unwrap(),
+                field.gather(pose.translation, field.antenna(), &WorldExtent::View { camera, world_from_camera: *pose }).unwrap(),
             );
             mpc(&arrivals, &camera, pose, config.radio.lobe_width_deg)
         });
@@ -184,8 +184,9 @@ fn two_samplings_of_the_diffuse_field_give_the_same_spectrum() {
     let spectrum = |phase: u64| {
         let field = DiffuseField::new(&tracer, tx, &DiffuseSettings { phase, ..DiffuseSettings::default() }).unwrap();
         let mut arrivals = specular.clone();
-        arrivals
-            .extend(field.gather(pose.translation, field.antenna(), &Extent::View { camera, world_from_camera: pose }).unwrap());
+        arrivals.extend(
+            field.gather(pose.translation, field.antenna(), &WorldExtent::View { camera, world_from_camera: pose }).unwrap(),
+        );
         mpc(&arrivals, &camera, &pose, 1.0)
     };
     let (a, b) = (spectrum(0), spectrum(9));
@@ -218,7 +219,7 @@ fn refining_hardly_changes_an_expectation() {
     let powers = |resolution_deg: f64, directions: usize, samplings: u64| -> Vec<f64> {
         let sampling = |phase| DiffuseSettings { photons: 0, resolution_deg, directions, phase, ..DiffuseSettings::default() };
         let field = |phase| DiffuseField::new(&tracer, DVec3::new(1.0, 1.5, 2.0), &sampling(phase)).unwrap();
-        let gather = |field: DiffuseField<'_, '_>| field.gather(rx, field.antenna(), &Extent::Sphere).unwrap();
+        let gather = |field: DiffuseField<'_, '_>| field.gather(rx, field.antenna(), &WorldExtent::Sphere).unwrap();
         (1..=samplings).map(|phase| gather(field(phase)).iter().map(|a| a.power).sum()).collect()
     };
     let mean = |powers: &[f64]| powers.iter().sum::<f64>() / powers.len() as f64;
@@ -245,8 +246,8 @@ fn a_view_keeps_the_power_of_the_whole_sphere() {
     let field = DiffuseField::new(&tracer, DVec3::new(1.0, 1.5, 2.0), &sampling).unwrap();
     let power = |arrivals: &[Arrival]| -> f64 { arrivals.iter().map(|a| a.power).sum() };
     let (all, view) = (
-        field.gather(pose.translation, field.antenna(), &Extent::Sphere).unwrap(),
-        field.gather(pose.translation, field.antenna(), &Extent::View { camera, world_from_camera: pose }).unwrap(),
+        field.gather(pose.translation, field.antenna(), &WorldExtent::Sphere).unwrap(),
+        field.gather(pose.translation, field.antenna(), &WorldExtent::View { camera, world_from_camera: pose }).unwrap(),
     );
     assert!(view.len() < all.len() / 2);
     // The outside is sampled 16 times sparser: some per cent.
@@ -268,8 +269,10 @@ fn what_lies_behind_a_gated_array_changes_nothing_but_the_power() {
     let array = PlanarArray { rows: 8, columns: 8, spacing_wavelengths: [0.5; 2] };
     let world_from_array = DMat3::from_rotation_z(2.6) * DMat3::from_rotation_y(0.2);
     let boresight = world_from_array * DVec3::X;
-    let (all, front) =
-        (field.gather(rx, &antenna, &Extent::Sphere).unwrap(), field.gather(rx, &antenna, &Extent::Front { boresight }).unwrap());
+    let (all, front) = (
+        field.gather(rx, &antenna, &WorldExtent::Sphere).unwrap(),
+        field.gather(rx, &antenna, &WorldExtent::Front { boresight }).unwrap(),
+    );
     assert!(front.len() < all.len() * 2 / 3, "{} {}", front.len(), all.len());
     let power = |arrivals: &[Arrival]| -> f64 { arrivals.iter().map(|a| a.power).sum() };
     assert!((power(&front) / power(&all) - 1.0).abs() < 0.03, "{} {}", power(&front), power(&all));

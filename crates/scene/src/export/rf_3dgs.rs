@@ -21,7 +21,7 @@ const SAME_FRAME_PX: f64 = 1e-6;
 
 /// The export of a data set.
 #[derive(Debug)]
-pub struct Rf3dgs<'d> {
+pub struct Rf3dgsExport<'d> {
     dataset: &'d Dataset,
     range: DbRange,
     camera: Pinhole,
@@ -29,7 +29,7 @@ pub struct Rf3dgs<'d> {
     whole: Vec<File>,
 }
 
-impl<'d> Rf3dgs<'d> {
+impl<'d> Rf3dgsExport<'d> {
     /// Prepares the export.
     ///
     /// # Errors
@@ -64,7 +64,7 @@ impl<'d> Rf3dgs<'d> {
     }
 }
 
-impl FolderExport for Rf3dgs<'_> {
+impl FolderExport for Rf3dgsExport<'_> {
     fn keyframe(&self, index: usize) -> Result<Vec<File>> {
         let keyframe = self.dataset.keyframe(index)?;
         let (Some(light), Some(Radio { spectrum })) = (keyframe.light, keyframe.radio) else {

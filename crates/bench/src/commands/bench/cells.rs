@@ -153,7 +153,7 @@ impl Submit {
             let collected = Collect::of(self.folder, self.verify).run(as_json)?;
             return Ok(if failed > 0 { Verdict::CheckFailed } else { collected });
         }
-        let options = slurm::Options {
+        let options = slurm::SubmitOptions {
             at_once: self.at_once.map(|n| n as usize),
             device: self.device,
             no_verify: !self.verify.wanted(),

@@ -3,7 +3,7 @@
 use super::super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::run::claim_output;
-use crate::studies::scale::{self, Axis, Points, SequenceSettings, StepSettings, TraceSettings, Tracing, Work};
+use crate::studies::scale::{self, Axis, Points, ScaleWork, SequenceSettings, StepSettings, TraceSettings, Tracing};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use corf_scene::bounds;
@@ -180,7 +180,7 @@ impl Scale {
         Ok(())
     }
 
-    fn work(&self, axis: Axis) -> Result<Work> {
+    fn work(&self, axis: Axis) -> Result<ScaleWork> {
         let d = self.defaults();
         let (light, radio) = (self.size.unwrap_or(d.light), self.radio.unwrap_or(d.radio));
         let steps = StepSettings { gaussians: d.held, light, radio, steps: d.steps, repeats: d.repeats };
@@ -189,14 +189,14 @@ impl Scale {
             Tracing::open(&settings).map(Box::new)
         };
         Ok(match axis {
-            Axis::Gaussians => Work::Gaussians(sizes(&self.gaussians, d.gaussians), steps),
-            Axis::Pixels => Work::Pixels(sizes(&self.pixels, d.pixels), steps),
-            Axis::Triangles => Work::Triangles(sizes(&self.subdivisions, d.subdivisions), tracing()?),
-            Axis::Receivers => Work::Receivers(sizes(&self.receivers, d.receivers), tracing()?),
+            Axis::Gaussians => ScaleWork::Gaussians(sizes(&self.gaussians, d.gaussians), steps),
+            Axis::Pixels => ScaleWork::Pixels(sizes(&self.pixels, d.pixels), steps),
+            Axis::Triangles => ScaleWork::Triangles(sizes(&self.subdivisions, d.subdivisions), tracing()?),
+            Axis::Receivers => ScaleWork::Receivers(sizes(&self.receivers, d.receivers), tracing()?),
             Axis::Keyframes => {
                 let (iterations_per_keyframe, keyframe_memory_mb) = (d.iterations_per_keyframe, self.keyframe_memory_mb);
                 let sequence = SequenceSettings { light, radio, iterations_per_keyframe, keyframe_memory_mb };
-                Work::Keyframes(sizes(&self.keyframes, d.keyframes), sequence)
+                ScaleWork::Keyframes(sizes(&self.keyframes, d.keyframes), sequence)
             }
         })
     }

@@ -4,7 +4,7 @@ use super::super::{Verdict, show};
 use crate::files::separation::{Reads, keep_apart};
 use crate::metrics::input::{Input, Verify};
 use crate::note;
-use crate::radio_link::Point;
+use crate::radio_link::PointArg;
 use crate::run::claim_fresh;
 use crate::scenes::nerf2_set::{Gateway, Nerf2Set};
 use crate::terminal::interrupt;
@@ -15,7 +15,7 @@ use clap::{Args, ValueEnum};
 use corf_scene::Error;
 use corf_scene::dataset::{Dataset, keyframe_npz, stem};
 use corf_scene::export::nerfstudio::Nerfstudio;
-use corf_scene::export::rf_3dgs::Rf3dgs;
+use corf_scene::export::rf_3dgs::Rf3dgsExport;
 use corf_scene::export::{File, FolderExport};
 use corf_scene::io::{read, write_atomic};
 use corf_scene::words::counted;
@@ -37,10 +37,10 @@ pub struct Export {
     scene: Option<PathBuf>,
     /// Of nerf2: where the array stands, world metres; without it where the scene's transmitter stood.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    gateway: Option<Point>,
+    gateway: Option<PointArg>,
     /// Of nerf2: a point on the array's boresight, world metres; without it the array stands in the transmitter's attitude.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    gateway_towards: Option<Point>,
+    gateway_towards: Option<PointArg>,
     #[command(flatten)]
     verify: Verify,
 }
@@ -55,7 +55,7 @@ enum Form {
     Nerfstudio,
     /// Images and Jet spectra over one COLMAP model, for RF-3DGS; spectra are resampled to the frame of the images where they show more.
     #[value(name = "rf-3dgs")]
-    Rf3dgs,
+    Rf3dgsExport,
     /// Spectra at an array that stands still, by places of the transmitter, for NeRF² and WRF-GS: a set that was imported from that layout byte for
     /// byte; of another one traced anew in the data set's scene with its
     /// settings, the transmitter where the platform was.
@@ -98,7 +98,7 @@ impl Export {
         let export: Box<dyn FolderExport> = match self.to {
             Form::Numpy => Box::new(Archives(&dataset)),
             Form::Nerfstudio => Box::new(Nerfstudio::new(&dataset)?),
-            Form::Rf3dgs => Box::new(Rf3dgs::new(&dataset)?),
+            Form::Rf3dgsExport => Box::new(Rf3dgsExport::new(&dataset)?),
             Form::Nerf2 => return self.nerf2(&dataset, json),
         };
         let folder = claim_fresh(&self.out)?;
@@ -107,7 +107,7 @@ impl Export {
                 "positions are in the data set's frame: ({x}, {y}, {z}) m was taken off the original ones, and is to be added to come back to them"
             );
         }
-        if self.to == Form::Rf3dgs && dataset.has_masks() {
+        if self.to == Form::Rf3dgsExport && dataset.has_masks() {
             note!("masks are not written, for RF-3DGS knows none: all pixels of the images will count there");
         }
         let mut progress = Progress::start(format!("export of {}", dataset.header().name), dataset.len(), "keyframes");

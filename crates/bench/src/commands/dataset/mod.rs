@@ -12,7 +12,7 @@ use self::publish::Publish;
 use super::assignments::DatasetKeys;
 use super::{Verdict, print, show};
 use crate::device::DeviceChoice;
-use crate::scenes::generate::{self, Generated, Options};
+use crate::scenes::generate::{self, GenerateOptions, Generated};
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use corf_scene::Severity;
@@ -143,7 +143,7 @@ impl Generate {
         }
         config.seed = self.seed.unwrap_or(config.seed);
         config.validate()?;
-        let options = Options { resume: self.resume, strict: self.strict, light: self.device.resolve()? };
+        let options = GenerateOptions { resume: self.resume, strict: self.strict, light: self.device.resolve()? };
         let Generated { dataset: made, findings } = generate::generate(&config, &self.out, options)?;
         let spectra =
             made.db_range().map(|r| format!(", spectra from {:.0} to {:.0} dB", r.min_db, r.max_db)).unwrap_or_default();

@@ -8,8 +8,8 @@ use self::link_table::Form;
 use super::{Verdict, print};
 use crate::files::ending::{check_file, ending};
 use crate::files::separation::{Reads, keep_apart, keep_from_scene};
-pub(super) use crate::radio_link::Point;
-use crate::radio_link::{Grid, LinkArgs, LinkSetup, receivers};
+pub(super) use crate::radio_link::PointArg;
+use crate::radio_link::{ArraySizeArg, LinkArgs, LinkSetup, receivers};
 use crate::run::claim_fresh;
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
@@ -19,7 +19,7 @@ use corf_raytrace::radio::channel::{
     ArrayLink, ChannelRay, LinkStatistics, Subcarriers, TapFilter, frequency_response, impulse_response,
 };
 use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
-use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseSettings, Extent, json};
+use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseSettings, WorldExtent, json};
 use corf_scene::mounting::Mount;
 use corf_scene::npz::{Array, Values, encode_npz};
 use corf_scene::{Error, bounds, io};
@@ -47,10 +47,10 @@ pub struct Paths {
     scene: PathBuf,
     /// Transmitter, world metres; may be repeated: the scene's own there. Without it where that is, or those of --transmitter.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    tx: Vec<Point>,
+    tx: Vec<PointArg>,
     /// Receiver, world metres; may be repeated.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    rx: Vec<Point>,
+    rx: Vec<PointArg>,
     /// More receivers: x, y, z in metres a line, or the columns of these names in any order (.csv), or a NumPy array N x 3 (.npy).
     #[arg(long, value_name = "FILE")]
     rx_file: Option<PathBuf>,
@@ -59,10 +59,10 @@ pub struct Paths {
     rx_trajectory: Option<usize>,
     /// Elements of the transmit array (default 1x1).
     #[arg(long, value_name = "ROWSxCOLS")]
-    tx_array: Option<Grid>,
+    tx_array: Option<ArraySizeArg>,
     /// Elements of the receive array (default 1x1).
     #[arg(long, value_name = "ROWSxCOLS")]
-    rx_array: Option<Grid>,
+    rx_array: Option<ArraySizeArg>,
     /// Velocity of the receivers, m/s in world axes: every path then has its Doppler shift, `doppler_hz`, which is positive where the path becomes
     /// shorter (json and sionna).
     #[arg(long, value_name = "VX,VY,VZ", allow_hyphen_values = true)]
@@ -103,7 +103,7 @@ impl FromStr for Velocity {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let v = text.parse::<Point>().map_err(|_| format!("\"{text}\" is not three numbers vx,vy,vz"))?.0;
+        let v = text.parse::<PointArg>().map_err(|_| format!("\"{text}\" is not three numbers vx,vy,vz"))?.0;
         if v.length() > MAX_SPEED_M_S {
             return Err(format!("\"{text}\": speeds are in metres per second, up to {MAX_SPEED_M_S}"));
         }
@@ -326,7 +326,7 @@ impl Paths {
             for (r, &rx) in receivers.iter().enumerate() {
                 interrupt::check()?;
                 links[r].push(Link { tx: transmitter.position(), rx, paths: transmitter.paths(rx)? });
-                diffuse[r].push(field.map_or_else(|| Ok(Vec::new()), |f| f.gather(rx, f.antenna(), &Extent::Sphere))?);
+                diffuse[r].push(field.map_or_else(|| Ok(Vec::new()), |f| f.gather(rx, f.antenna(), &WorldExtent::Sphere))?);
                 if total > 1 {
                     // It begins behind the set-up, which says what it does itself.
                     let progress = progress.get_or_insert_with(|| Progress::start("paths", total, "links"));

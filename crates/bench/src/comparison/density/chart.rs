@@ -1,7 +1,7 @@
 //! Metrics over the distance to the nearest training pose, one under the other.
 
 use super::Results;
-use crate::charts::{Anchor, Corner, DIM, Frame, INK, Mark, PALETTE, Plot, Scale, Stroke, Svg, extent};
+use crate::charts::{Anchor, AxesFrame, Corner, DIM, INK, LegendMark, PALETTE, Plot, Scale, Stroke, Svg, extent};
 use crate::metrics::Column;
 use crate::metrics::stats::summarize;
 use anyhow::{Context, Result};
@@ -44,7 +44,7 @@ pub(super) fn svg(results: &Results, metrics: &[&Column]) -> Result<String> {
         let pad = (0.1 * (high - low)).max(1e-3 * high.abs()).max(1e-3);
         let y = Scale::linear(low - pad, high + pad).with_context(|| format!("cannot draw {}", metric.key))?;
         let top = PART * at as f64;
-        let frame = Frame { left: 84.0, top: top + 40.0, right: f64::from(WIDTH) - 20.0, bottom: top + PART - 50.0 };
+        let frame = AxesFrame { left: 84.0, top: top + 40.0, right: f64::from(WIDTH) - 20.0, bottom: top + PART - 50.0 };
         let mut plot = Plot::new(&mut svg, frame, x, y);
         plot.title(metric.heading);
         plot.y_axis("", true);
@@ -71,9 +71,9 @@ pub(super) fn svg(results: &Results, metrics: &[&Column]) -> Result<String> {
             if let Some(place) = mine.and_then(|o| o.distance_m).map(distance) {
                 plot.line([(place, low - pad), (place, high + pad)], Stroke { dash: Some(2.0), ..Stroke::of(colour, 1.0) });
             }
-            legend.push((Mark::Line(stroke), row.row.as_str()));
+            legend.push((LegendMark::Line(stroke), row.row.as_str()));
         }
-        legend.push((Mark::Line(Stroke { dash: Some(2.0), ..Stroke::of(DIM, 1.0) }), "a row overtakes copying"));
+        legend.push((LegendMark::Line(Stroke { dash: Some(2.0), ..Stroke::of(DIM, 1.0) }), "a row overtakes copying"));
         plot.legend(Corner::BottomLeft, &legend);
     }
     Ok(svg.finish())

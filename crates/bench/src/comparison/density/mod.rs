@@ -31,7 +31,7 @@ use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-pub use overtaking::{Overtaking, Place};
+pub use overtaking::{Overtaking, OvertakingPlace};
 
 /// Version of `density.json`.
 const SCHEMA: &str = "corf-density/1";
@@ -54,14 +54,14 @@ pub struct Results {
     /// Keys of the metrics.
     metrics: Vec<&'static str>,
     /// From dense to sparse.
-    pub steps: Vec<Step>,
+    pub steps: Vec<DensityStep>,
     /// Of every metric, every learned row against copying and against every lookup.
     pub overtaking: Vec<Overtaking>,
 }
 
 /// One thinning.
 #[derive(Debug, Serialize)]
-pub struct Step {
+pub struct DensityStep {
     /// Of so many training keyframes one trained.
     pub every: usize,
     /// Training keyframes; over the folds their mean.
@@ -189,7 +189,7 @@ impl Density {
         Ok((results, text, all))
     }
 
-    fn step(&self, every: usize, protocol: Protocol, records: &[Record], dataset: &Dataset) -> Result<Step> {
+    fn step(&self, every: usize, protocol: Protocol, records: &[Record], dataset: &Dataset) -> Result<DensityStep> {
         let splits: Vec<Split> = protocol.folds().into_iter().map(|fold| Split::of(dataset, fold)).collect::<Result<_>>()?;
         let mut distances: Vec<f64> = splits.iter().flat_map(|split| split.nearest_training_m(dataset)).collect();
         distances.sort_by(f64::total_cmp);
@@ -210,7 +210,7 @@ impl Density {
                 }),
             }
         }
-        Ok(Step {
+        Ok(DensityStep {
             every,
             train_keyframes: summarize(&splits.iter().map(|s| s.train.len() as f64).collect::<Vec<_>>()).map_or(0.0, |s| s.mean),
             nearest_training_m: quantile(&distances, 0.5),

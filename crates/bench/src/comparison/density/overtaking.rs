@@ -1,6 +1,6 @@
 //! The distance from which on a learned row is ahead of copying.
 
-use super::{Step, StepRow};
+use super::{DensityStep, StepRow};
 use crate::metrics::Column;
 use crate::metrics::stats::{Summary, summarize};
 use serde::Serialize;
@@ -36,13 +36,13 @@ pub struct SeedPlace {
     pub seed: u64,
     /// Where it overtakes.
     #[serde(flatten)]
-    pub place: Place,
+    pub place: OvertakingPlace,
 }
 
 /// Where a row overtakes a lookup as keyframes get sparser.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "overtakes", rename_all = "kebab-case")]
-pub enum Place {
+pub enum OvertakingPlace {
     /// Ahead at every step.
     Always,
     /// Behind before, ahead at every step behind; between two steps it is interpolated linearly.
@@ -57,7 +57,7 @@ pub enum Place {
 }
 
 /// All learned rows against copying, and against every lookup where there are several.
-pub(super) fn all(steps: &[Step], metrics: &[&'static Column]) -> Vec<Overtaking> {
+pub(super) fn all(steps: &[DensityStep], metrics: &[&'static Column]) -> Vec<Overtaking> {
     let Some(first) = steps.first() else { return Vec::new() };
     let lookups: Vec<&str> = first.rows.iter().filter(|row| row.looks_up).map(|row| row.row.as_str()).collect();
     let mut against: Vec<(String, Vec<&str>)> = vec![(COPYING.to_owned(), lookups.clone())];
@@ -73,9 +73,9 @@ pub(super) fn all(steps: &[Step], metrics: &[&'static Column]) -> Vec<Overtaking
     found
 }
 
-fn one(steps: &[Step], metric: &'static Column, row: &StepRow, over: &str, lookups: &[&str]) -> Overtaking {
+fn one(steps: &[DensityStep], metric: &'static Column, row: &StepRow, over: &str, lookups: &[&str]) -> Overtaking {
     let sign = if metric.higher_is_better() == Some(false) { -1.0 } else { 1.0 };
-    let ahead = |step: &Step, seed: u64| -> Option<f64> {
+    let ahead = |step: &DensityStep, seed: u64| -> Option<f64> {
         let of = |label: &str| step.rows.iter().find(|r| r.row == label)?.value(metric.key, seed).map(|value| sign * value);
         let copied: Option<Vec<f64>> = lookups.iter().map(|label| of(label)).collect();
         Some(of(&row.row)? - copied?.into_iter().fold(f64::NEG_INFINITY, f64::max))
@@ -83,11 +83,11 @@ fn one(steps: &[Step], metric: &'static Column, row: &StepRow, over: &str, looku
     let of_seed = |seed: u64| {
         let points: Option<Vec<(f64, f64)>> =
             steps.iter().map(|step| Some((step.nearest_training_m, ahead(step, seed)?))).collect();
-        SeedPlace { seed, place: points.map_or(Place::Unknown, |points| place(&points)) }
+        SeedPlace { seed, place: points.map_or(OvertakingPlace::Unknown, |points| place(&points)) }
     };
     let seeds: Vec<SeedPlace> = row.seeds.iter().map(|s| of_seed(s.seed)).collect();
     let places: Option<Vec<f64>> =
-        seeds.iter().map(|s| if let Place::At { distance_m } = s.place { Some(distance_m) } else { None }).collect();
+        seeds.iter().map(|s| if let OvertakingPlace::At { distance_m } = s.place { Some(distance_m) } else { None }).collect();
     let summary = places.and_then(|places| summarize(&places));
     Overtaking {
         metric: metric.key,
@@ -101,21 +101,21 @@ fn one(steps: &[Step], metric: &'static Column, row: &StepRow, over: &str, looku
 }
 
 /// The place in a row of distances with how far the row is ahead there.
-fn place(points: &[(f64, f64)]) -> Place {
-    let Some(behind) = points.iter().rposition(|(_, ahead)| *ahead <= 0.0) else { return Place::Always };
+fn place(points: &[(f64, f64)]) -> OvertakingPlace {
+    let Some(behind) = points.iter().rposition(|(_, ahead)| *ahead <= 0.0) else { return OvertakingPlace::Always };
     match points.get(behind + 1) {
-        None => Place::Never,
+        None => OvertakingPlace::Never,
         Some((to_m, to)) => {
             let (from_m, from) = points[behind];
-            Place::At { distance_m: from_m + (to_m - from_m) * from / (from - to) }
+            OvertakingPlace::At { distance_m: from_m + (to_m - from_m) * from / (from - to) }
         }
     }
 }
 
-fn said(steps: &[Step], seeds: &[SeedPlace], summary: Option<Summary>) -> String {
+fn said(steps: &[DensityStep], seeds: &[SeedPlace], summary: Option<Summary>) -> String {
     let ends = [steps.first(), steps.last()].map(|step| step.map_or(0.0, |s| s.nearest_training_m));
     let range = format!("{:.3} to {:.3} m", ends[0], ends[1]);
-    let count = |wanted: fn(&Place) -> bool| seeds.iter().filter(|s| wanted(&s.place)).count();
+    let count = |wanted: fn(&OvertakingPlace) -> bool| seeds.iter().filter(|s| wanted(&s.place)).count();
     let n = seeds.len();
     if let Some(Summary { mean, half_width_95, .. }) = summary {
         return match (half_width_95, n) {
@@ -124,15 +124,20 @@ fn said(steps: &[Step], seeds: &[SeedPlace], summary: Option<Summary>) -> String
             (None, _) => format!("overtakes at {mean:.3} m ({n} seeds: too few for an interval)"),
         };
     }
-    let [always, never, unknown] =
-        [count(|p| *p == Place::Always), count(|p| *p == Place::Never), count(|p| *p == Place::Unknown)];
+    let [always, never, unknown] = [
+        count(|p| *p == OvertakingPlace::Always),
+        count(|p| *p == OvertakingPlace::Never),
+        count(|p| *p == OvertakingPlace::Unknown),
+    ];
     match n {
         _ if never == n => format!("does not overtake within {range}"),
         _ if always == n => format!("is ahead at every step, {range}"),
         _ => {
             let at: Vec<String> = seeds
                 .iter()
-                .filter_map(|s| if let Place::At { distance_m } = s.place { Some(format!("{distance_m:.3} m")) } else { None })
+                .filter_map(|s| {
+                    if let OvertakingPlace::At { distance_m } = s.place { Some(format!("{distance_m:.3} m")) } else { None }
+                })
                 .collect();
             let mut parts = Vec::new();
             if !at.is_empty() {
@@ -161,7 +166,7 @@ mod tests {
     }
 
     /// Steps at 1, 2 and 4 m; a learned row and two lookups, by seed.
-    fn steps(learned: [[Option<f64>; 3]; 3], near: [f64; 3], blend: [f64; 3]) -> Vec<Step> {
+    fn steps(learned: [[Option<f64>; 3]; 3], near: [f64; 3], blend: [f64; 3]) -> Vec<DensityStep> {
         let row = |name: &str, looks_up: bool, of: &dyn Fn(usize) -> Option<f64>| StepRow {
             row: name.to_owned(),
             method: String::new(),
@@ -174,7 +179,7 @@ mod tests {
                 .collect(),
         };
         (0..3)
-            .map(|i| Step {
+            .map(|i| DensityStep {
                 every: 1 << i,
                 train_keyframes: 8.0,
                 nearest_training_m: f64::from(1 << i),
@@ -208,7 +213,7 @@ mod tests {
         let by = |key: &str| all(&behind, &[metric(key)]).remove(0);
         assert_eq!(by("psnr_opt").said, "does not overtake within 1.000 to 4.000 m");
         assert_eq!(by("rmse_db").said, "is ahead at every step, 1.000 to 4.000 m");
-        assert!(by("psnr_opt").seeds.iter().all(|s| s.place == Place::Never) && by("psnr_opt").distance_m.is_none());
+        assert!(by("psnr_opt").seeds.iter().all(|s| s.place == OvertakingPlace::Never) && by("psnr_opt").distance_m.is_none());
     }
 
     #[test]
@@ -220,8 +225,8 @@ mod tests {
             assert!(found.said.contains(part), "{}", found.said);
         }
         // Ahead, behind and ahead again: the last time counts.
-        assert_eq!(place(&[(1.0, 5.0), (2.0, -1.0), (4.0, 1.0)]), Place::At { distance_m: 3.0 });
+        assert_eq!(place(&[(1.0, 5.0), (2.0, -1.0), (4.0, 1.0)]), OvertakingPlace::At { distance_m: 3.0 });
         // Even is not ahead.
-        assert_eq!(place(&[(1.0, 0.0), (2.0, 0.0)]), Place::Never);
+        assert_eq!(place(&[(1.0, 0.0), (2.0, 0.0)]), OvertakingPlace::Never);
     }
 }

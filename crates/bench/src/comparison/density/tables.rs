@@ -1,6 +1,6 @@
 //! The results as Markdown and CSV.
 
-use super::{Results, Step, StepRow};
+use super::{DensityStep, Results, StepRow};
 use crate::files::escape;
 use crate::metrics::Column;
 use crate::metrics::stats::summarize;
@@ -44,7 +44,7 @@ pub(super) fn text(results: &Results, metrics: &[&Column]) -> String {
     out
 }
 
-fn line(step: &Step, metric: &Column) -> String {
+fn line(step: &DensityStep, metric: &Column) -> String {
     let mut out = format!("| {} | {:.0} | {:.3} |", step.every, step.train_keyframes, step.nearest_training_m);
     for row in &step.rows {
         let failed = row.seeds.iter().filter(|s| !s.values.contains_key(metric.key)).count();

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Options of the jobs.
-pub struct Options<'a> {
+pub struct SubmitOptions<'a> {
     /// Largest number of cells that run at once; as many as the cluster gives if not given.
     pub at_once: Option<usize>,
     /// Device of every cell.
@@ -87,7 +87,7 @@ fn option_words(option: &str) -> Result<(&str, Vec<&str>)> {
 }
 
 /// Script of a job array: task i runs the cell in line i + 1, or as many lines further down as the script's argument says.
-fn array_script(name: &str, program: &str, out: &str, ids: &str, options: &Options<'_>) -> String {
+fn array_script(name: &str, program: &str, out: &str, ids: &str, options: &SubmitOptions<'_>) -> String {
     let no_verify = if options.no_verify { " --no-verify" } else { "" };
     let (program, folder) = (quoted(program), quoted(out));
     format!(
@@ -99,7 +99,7 @@ fn array_script(name: &str, program: &str, out: &str, ids: &str, options: &Optio
 }
 
 /// Script of the job that writes tables and report.
-fn collect_script(name: &str, program: &str, out: &str, options: &Options<'_>) -> String {
+fn collect_script(name: &str, program: &str, out: &str, options: &SubmitOptions<'_>) -> String {
     let no_verify = if options.no_verify { " --no-verify" } else { "" };
     format!(
         "#!/bin/sh\n#SBATCH --job-name=corf-{name}-collect\n#SBATCH --open-mode=append\n\
@@ -121,7 +121,7 @@ struct Scripts {
 
 impl Scripts {
     /// Writes the job scripts of all unfinished cells; `None` where all are finished.
-    fn write(planned: &Planned, options: &Options<'_>) -> Result<Option<Self>> {
+    fn write(planned: &Planned, options: &SubmitOptions<'_>) -> Result<Option<Self>> {
         let cells = planned.unfinished()?;
         if cells.is_empty() {
             return Ok(None);
@@ -213,7 +213,7 @@ fn tasks_of(config: &str) -> usize {
 /// # Errors
 /// A folder whose name a job script cannot hold, an option that is none, no `sbatch` on this machine, or its own message; nothing
 /// stays in the queue then.
-pub fn submit(planned: &Planned, options: &Options<'_>) -> Result<Option<Submitted>> {
+pub fn submit(planned: &Planned, options: &SubmitOptions<'_>) -> Result<Option<Submitted>> {
     let mut given: Vec<(&str, Vec<OsString>)> = Vec::new();
     for option in options.sbatch {
         let (name, words) = option_words(option)?;
@@ -268,7 +268,7 @@ mod tests {
 
     #[test]
     fn a_script_names_its_cells_by_line_and_quotes_paths() {
-        let options = Options { at_once: Some(4), device: DeviceChoice::Gpu(0), no_verify: false, sbatch: &[] };
+        let options = SubmitOptions { at_once: Some(4), device: DeviceChoice::Gpu(0), no_verify: false, sbatch: &[] };
         let script = array_script("lobby", "/opt/corf it's", "/data/my #1 %A", "ids-1", &options);
         assert!(script.contains("\nexec '/opt/corf it'\\''s' bench cell '/data/my #1 %A' "), "{script}");
         assert!(script.ends_with("'/data/my #1 %A'/slurm/ids-1)\" --device gpu:0\n"), "{script}");

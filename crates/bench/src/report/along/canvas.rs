@@ -1,7 +1,7 @@
 //! What figures along the way are drawn with: one width, a column of names at the left, charts over one axis at the right.
 
 use super::{Track, Way};
-use crate::charts::{Anchor, Colour, DIM, Frame, INK, PALETTE, Plot, Scale, Stroke, Svg, text_width};
+use crate::charts::{Anchor, AxesFrame, Colour, DIM, INK, PALETTE, Plot, Scale, Stroke, Svg, text_width};
 use anyhow::{Context, Result};
 use std::ops::Range;
 
@@ -53,7 +53,7 @@ pub(super) fn chart<'s>(
     y: Range<f64>,
     name: &str,
 ) -> Result<Plot<'s>> {
-    let frame = Frame { left: NAMES, top, right: WIDTH - RIGHT, bottom: top + height - AXIS };
+    let frame = AxesFrame { left: NAMES, top, right: WIDTH - RIGHT, bottom: top + height - AXIS };
     let mut plot = Plot::new(svg, frame, Scale::linear(x.start, x.end)?, Scale::linear(y.start, y.end)?);
     plot.y_axis("", true);
     plot.x_axis(name, false);
@@ -146,7 +146,7 @@ pub(super) fn strips(svg: &mut Svg, way: &Way, top: f64, rows: &[Vec<Cell>], axi
     }
     let end = top + ROW * (rows.len() as f64 + 1.0);
     let Some(name) = axis_name else { return Ok(end) };
-    let frame = Frame { left: NAMES, top, right: WIDTH - RIGHT, bottom: end };
+    let frame = AxesFrame { left: NAMES, top, right: WIDTH - RIGHT, bottom: end };
     Plot::new(svg, frame, x, Scale::linear(0.0, 1.0)?).x_axis(name, false);
     Ok(end + AXIS)
 }

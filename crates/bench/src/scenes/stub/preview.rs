@@ -4,7 +4,7 @@ use super::free_space::FreeSpace;
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::{LightFrame, LightSettings, LightTracer, develop_frame};
 use corf_raytrace::radio::coverage::CoveragePlane;
-use corf_scene::draw::{Canvas, Format, Rgb, TextAnchor, clip, hex, metre_axes, text};
+use corf_scene::draw::{Canvas, PictureFormat, Rgb, TextAnchor, clip, hex, metre_axes, text};
 use corf_scene::trajectory::{self, TrajectoryConfig, TrajectoryPose};
 use corf_scene::{Pinhole, Raster, Result, Rigid3, color};
 use glam::{DVec2, DVec3, Vec3};
@@ -117,7 +117,7 @@ pub fn draw(space: &FreeSpace<'_>, bvh: &Bvh, way: &TrajectoryConfig, tx: DVec3)
         canvas.rect(x, legend - CAP, x + 14.0, legend, *colour);
         text(&mut canvas, words, [x + 20.0, legend], TextAnchor::Left, 0.85 * CAP, INK);
     }
-    Ok(canvas.encode(Format::Png))
+    Ok(canvas.encode(PictureFormat::Png))
 }
 
 /// What a camera sees from a pose: in the scene's light, or by a lamp at the camera where there is none.

@@ -67,7 +67,7 @@ impl Axis {
 
 /// One measurement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Point {
+pub struct ScalePoint {
     /// [`SCHEMA`].
     pub schema: String,
     /// Quantity that is varied.
@@ -88,7 +88,7 @@ pub struct Point {
 pub type Measured = BTreeMap<String, f64>;
 
 /// All points of an axis that are asked for.
-pub enum Work {
+pub enum ScaleWork {
     /// Steps for each number of Gaussians.
     Gaussians(Vec<usize>, StepSettings),
     /// Steps for each size of the optical image.
@@ -114,26 +114,26 @@ impl Points<'_> {
     ///
     /// # Errors
     /// A point that is there and was measured otherwise, sizes that do not fit, what the measurement itself meets, an interrupt.
-    pub fn measure(&self, work: &Work) -> Result<()> {
+    pub fn measure(&self, work: &ScaleWork) -> Result<()> {
         match work {
-            Work::Gaussians(counts, settings) => {
+            ScaleWork::Gaussians(counts, settings) => {
                 let one = |n: usize| StepSettings { gaussians: n, ..*settings };
                 counts.iter().try_for_each(|&n| self.step(Axis::Gaussians, n, settings.beside(Axis::Gaussians), one(n)))
             }
-            Work::Pixels(sizes, settings) => sizes.iter().try_for_each(|&size| {
+            ScaleWork::Pixels(sizes, settings) => sizes.iter().try_for_each(|&size| {
                 let one = StepSettings { light: size, ..*settings };
                 self.step(Axis::Pixels, size[0] * size[1], settings.beside(Axis::Pixels), one)
             }),
-            Work::Triangles(times, tracing) => times.iter().try_for_each(|&times| {
+            ScaleWork::Triangles(times, tracing) => times.iter().try_for_each(|&times| {
                 let value = tracing.triangles(times);
                 self.point(Axis::Triangles, value, &tracing.settings(), "cpu", || tracing.measure_triangles(times))
             }),
-            Work::Receivers(counts, tracing) => {
+            ScaleWork::Receivers(counts, tracing) => {
                 let settings = tracing.settings();
                 let missing = self.missing(Axis::Receivers, counts, &settings, "cpu")?;
                 tracing.measure_receivers(&missing, &mut |n, measured| self.write(Axis::Receivers, n, &settings, "cpu", measured))
             }
-            Work::Keyframes(counts, sequence) => {
+            ScaleWork::Keyframes(counts, sequence) => {
                 let (settings, device) = (serde_json::to_value(sequence)?, self.backend.name());
                 let missing = self.missing(Axis::Keyframes, counts, &settings, &device)?;
                 sequence.measure(self.backend, &missing, &mut |n, measured| {
@@ -200,13 +200,14 @@ impl Points<'_> {
         let text: Vec<String> = measured.iter().map(|(key, found)| format!("{key} {found:.4}")).collect();
         note!("{value} {}: {}", axis.name(), text.join(", "));
         let (settings, device, value) = (settings.clone(), device.to_owned(), value as u64);
-        let point = Point { schema: SCHEMA.to_owned(), axis, value, settings, device, measured, provenance: Provenance::here() };
+        let point =
+            ScalePoint { schema: SCHEMA.to_owned(), axis, value, settings, device, measured, provenance: Provenance::here() };
         write_numbers(&self.path(axis, value as usize), &point)
     }
 }
 
-fn read_point(path: &Path) -> Result<Point> {
-    let point: Point = read_json(path)?;
+fn read_point(path: &Path) -> Result<ScalePoint> {
+    let point: ScalePoint = read_json(path)?;
     ensure!(point.schema == SCHEMA, "{}: schema {} and not {SCHEMA}\n  help: measure it again", path.display(), point.schema);
     let sound = point.value > 0 && point.measured.values().all(|v| v.is_finite() && *v >= 0.0);
     ensure!(sound, "{}: a value that nothing measures\n  help: delete it and measure it again with --resume", path.display());
@@ -217,7 +218,7 @@ fn read_point(path: &Path) -> Result<Point> {
 ///
 /// # Errors
 /// A folder that cannot be read, or a record that is damaged.
-pub fn read(out: &Path) -> Result<Vec<Point>> {
+pub fn read(out: &Path) -> Result<Vec<ScalePoint>> {
     let folder = out.join("points");
     let entries = std::fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))?;
     let mut points = vec![];
@@ -235,13 +236,13 @@ pub fn read(out: &Path) -> Result<Vec<Point>> {
 ///
 /// # Errors
 /// Those of [`read`]; a folder that cannot be written.
-pub fn write_results(out: &Path) -> Result<(Vec<Point>, String)> {
+pub fn write_results(out: &Path) -> Result<(Vec<ScalePoint>, String)> {
     let points = read(out)?;
     let text = markdown(&points);
     write_json(&out.join("scale.json"), &serde_json::json!({ "points": points, "exponents": fitted(&points) }))?;
     write_atomic(out.join("scale.md"), text.as_bytes())?;
     for axis in Axis::ALL {
-        let own: Vec<&Point> = points.iter().filter(|p| p.axis == axis).collect();
+        let own: Vec<&ScalePoint> = points.iter().filter(|p| p.axis == axis).collect();
         if !own.is_empty() {
             write_atomic(out.join(format!("{}.svg", axis.name())), chart::svg(axis, &own)?.as_bytes())?;
         }

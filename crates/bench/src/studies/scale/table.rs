@@ -1,6 +1,6 @@
 //! Points as tables, with the exponent that is fitted to each quantity: the slope of its logarithm over the axis's.
 
-use super::{Axis, Point};
+use super::{Axis, ScalePoint};
 use crate::files::escape;
 use serde::Serialize;
 use std::fmt::Write;
@@ -90,7 +90,7 @@ fn slope(points: &[(f64, f64)]) -> Option<f64> {
 }
 
 /// The exponents of all axes: of quantities that grow, and have two positive values at least.
-pub fn fitted(points: &[Point]) -> Vec<Fitted> {
+pub fn fitted(points: &[ScalePoint]) -> Vec<Fitted> {
     let one = |axis: Axis, q: &Measure| {
         let own: Vec<(f64, f64)> = values(points, axis, q.key).collect();
         let exponent = slope(&own)?;
@@ -101,7 +101,7 @@ pub fn fitted(points: &[Point]) -> Vec<Fitted> {
 }
 
 /// Positive values of a quantity over an axis.
-pub fn values<'p>(points: &'p [Point], axis: Axis, key: &'p str) -> impl Iterator<Item = (f64, f64)> + 'p {
+pub fn values<'p>(points: &'p [ScalePoint], axis: Axis, key: &'p str) -> impl Iterator<Item = (f64, f64)> + 'p {
     let own = points.iter().filter(move |p| p.axis == axis);
     own.filter_map(move |p| Some((p.value as f64, *p.measured.get(key)?))).filter(|(_, y)| *y > 0.0)
 }
@@ -117,11 +117,11 @@ fn title(axis: Axis) -> &'static str {
 }
 
 /// All points as Markdown: a table for each axis, exponents in the last two rows.
-pub fn markdown(points: &[Point]) -> String {
+pub fn markdown(points: &[ScalePoint]) -> String {
     let fitted = fitted(points);
     let mut out = "# How cost grows\n".to_owned();
     for axis in Axis::ALL {
-        let own: Vec<&Point> = points.iter().filter(|p| p.axis == axis).collect();
+        let own: Vec<&ScalePoint> = points.iter().filter(|p| p.axis == axis).collect();
         let Some(first) = own.first() else { continue };
         let shown: Vec<&Measure> =
             quantities(axis).iter().filter(|q| own.iter().any(|p| p.measured.contains_key(q.key))).collect();
@@ -152,8 +152,8 @@ pub fn markdown(points: &[Point]) -> String {
 }
 
 /// Devices, machines and commits of an axis's points, each once.
-fn made_with(points: &[&Point]) -> String {
-    let each = |of: &dyn Fn(&Point) -> String| {
+fn made_with(points: &[&ScalePoint]) -> String {
+    let each = |of: &dyn Fn(&ScalePoint) -> String| {
         let mut found: Vec<String> = points.iter().map(|p| of(p)).collect();
         found.sort();
         found.dedup();

@@ -6,8 +6,8 @@ use corf_scene::{Scene, model::Triangle};
 use glam::Vec3;
 
 /// A point of the keyframes that grows as if by powers.
-fn point(axis: Axis, value: u64, measured: &[(&str, f64)]) -> Point {
-    Point {
+fn point(axis: Axis, value: u64, measured: &[(&str, f64)]) -> ScalePoint {
+    ScalePoint {
         schema: SCHEMA.to_owned(),
         axis,
         value,
@@ -24,13 +24,13 @@ fn exponents_are_the_slopes_of_logarithms() {
         let x = n as f64;
         point(Axis::Keyframes, n, &[("total_s", 0.1 * x), ("gaussians", 40.0 * x.sqrt()), ("device_mb", 0.0)])
     };
-    let points: Vec<Point> = [128, 256, 512, 1024].map(grown).to_vec();
+    let points: Vec<ScalePoint> = [128, 256, 512, 1024].map(grown).to_vec();
     let found = fitted(&points);
     assert_eq!(found.iter().map(|f| f.key).collect::<Vec<_>>(), ["total_s", "gaussians"], "of nothing there is no logarithm");
     for (f, exponent) in found.iter().zip([1.0, 0.5]) {
         assert!((f.exponent - exponent).abs() < 1e-9 && (f.last - exponent).abs() < 1e-9 && f.points == 4, "{f:?}");
     }
-    let bent: Vec<Point> =
+    let bent: Vec<ScalePoint> =
         [(1, 1.0), (10, 10.0), (100, 1000.0)].map(|(n, v)| point(Axis::Receivers, n, &[("total_s", v)])).to_vec();
     assert!((fitted(&bent)[0].exponent - 1.5).abs() < 1e-9 && (fitted(&bent)[0].last - 2.0).abs() < 1e-9);
     assert!(fitted(&points[..1]).is_empty(), "one point has no slope");
@@ -65,7 +65,7 @@ fn points_that_are_there_are_not_measured_again_and_others_are_refused() {
     let backend = Backend::Cpu;
     let points = Points { out: dir.path(), backend: &backend };
     let settings = StepSettings { gaussians: 0, light: [24, 16], radio: [16, 16], steps: 2, repeats: 1 };
-    points.measure(&Work::Gaussians(vec![40, 160], settings)).unwrap();
+    points.measure(&ScaleWork::Gaussians(vec![40, 160], settings)).unwrap();
     let before = read(dir.path()).unwrap();
     assert_eq!(before.iter().map(|p| p.value).collect::<Vec<_>>(), [40, 160]);
     assert!(before.iter().all(|p| p.measured["step_ms"] > 0.0 && p.measured["visible"] > 0.0), "{before:?}");
@@ -73,17 +73,17 @@ fn points_that_are_there_are_not_measured_again_and_others_are_refused() {
     let mut kept = before[0].clone();
     kept.measured.insert("step_ms".to_owned(), 12345.0);
     write_json(&dir.path().join("points/gaussians-40.json"), &kept).unwrap();
-    points.measure(&Work::Gaussians(vec![40, 80], settings)).unwrap();
+    points.measure(&ScaleWork::Gaussians(vec![40, 80], settings)).unwrap();
     let after = read(dir.path()).unwrap();
     assert_eq!(after.iter().map(|p| p.value).collect::<Vec<_>>(), [40, 80, 160]);
     assert_eq!(after[0].measured["step_ms"], 12345.0);
     // The image is what varies along the pixels, and fixed along the Gaussians.
     let other = StepSettings { light: [32, 16], ..settings };
-    let error = points.measure(&Work::Gaussians(vec![40], other)).unwrap_err().to_string();
+    let error = points.measure(&ScaleWork::Gaussians(vec![40], other)).unwrap_err().to_string();
     assert!(error.contains("gaussians-40.json was measured with") && error.contains("choose another --out"), "{error}");
     let few = StepSettings { gaussians: 40, ..settings };
-    points.measure(&Work::Pixels(vec![[24, 16]], few)).unwrap();
-    points.measure(&Work::Pixels(vec![[24, 16], [48, 32]], StepSettings { light: [99, 99], ..few })).unwrap();
+    points.measure(&ScaleWork::Pixels(vec![[24, 16]], few)).unwrap();
+    points.measure(&ScaleWork::Pixels(vec![[24, 16], [48, 32]], StepSettings { light: [99, 99], ..few })).unwrap();
     assert_eq!(read(dir.path()).unwrap().len(), 5);
 }
 

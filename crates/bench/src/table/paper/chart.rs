@@ -3,7 +3,7 @@
 
 use super::published::{Figure, PaperMethod};
 use super::{Beside, Ours, PaperLine};
-use crate::charts::{Colour, Corner, Frame, INK, Mark, Plot, Scale, Svg, extent};
+use crate::charts::{AxesFrame, Colour, Corner, INK, LegendMark, Plot, Scale, Svg, extent};
 use anyhow::Result;
 
 /// Families with their names and colours.
@@ -53,7 +53,7 @@ pub(super) fn svg(tables: &[Beside<'_, '_>]) -> Result<String> {
     let (seconds, psnr) = (extent(all().map(|p| p.0)), extent(all().map(|p| p.1)));
     let (x, y) = (Scale::logarithmic(seconds.0 / 1.6, seconds.1 * 1.6)?, Scale::linear(psnr.0 - 1.0, psnr.1 + 1.0)?);
     let mut svg = Svg::new(900, 540);
-    let mut plot = Plot::new(&mut svg, Frame { left: 64.0, top: 42.0, right: 886.0, bottom: 490.0 }, x, y);
+    let mut plot = Plot::new(&mut svg, AxesFrame { left: 64.0, top: 42.0, right: 886.0, bottom: 490.0 }, x, y);
     plot.title("Novel spectra: quality over reconstruction time");
     plot.y_axis("PSNR rf, dB", true);
     plot.x_axis("reconstruction time, s (logarithmic)", true);
@@ -65,10 +65,10 @@ pub(super) fn svg(tables: &[Beside<'_, '_>]) -> Result<String> {
         }
         plot.points(mine.iter().map(|p| (p.0, p.1)), 5.0, *colour, true);
         let label = if mine.is_empty() { format!("{name} (ours not run)") } else { (*name).to_owned() };
-        legend.push((Mark::Disc(*colour), label));
+        legend.push((LegendMark::Disc(*colour), label));
     }
-    legend.push((Mark::Disc(INK), "ours, with 95 % interval".to_owned()));
-    legend.push((Mark::Ring(INK), "the paper's (RTX 4090, other data)".to_owned()));
+    legend.push((LegendMark::Disc(INK), "ours, with 95 % interval".to_owned()));
+    legend.push((LegendMark::Ring(INK), "the paper's (RTX 4090, other data)".to_owned()));
     plot.legend(Corner::BottomLeft, &legend.iter().map(|(mark, text)| (*mark, text.as_str())).collect::<Vec<_>>());
     Ok(svg.finish())
 }

@@ -39,7 +39,7 @@ pub struct Buffers<'a> {
 }
 
 /// Makes stand-ins, and steps what they are made of by their gradient.
-pub trait Deformation {
+pub trait DeformationPass {
     /// Binds the buffers of the steps, or the picture, to come.
     fn bind(&mut self, context: &Context, buffers: &Buffers<'_>) -> Result<()>;
 
@@ -100,7 +100,7 @@ impl GpuDevice {
         Ok(())
     }
 
-    fn bind_deformation(&self, s: &StandIns, deformation: &mut dyn Deformation) -> Result<()> {
+    fn bind_deformation(&self, s: &StandIns, deformation: &mut dyn DeformationPass) -> Result<()> {
         let (c, sh) = (&self.store.core, &self.store.sh[1]);
         let buffers = Buffers {
             state: &self.memory.state,
@@ -114,7 +114,7 @@ impl GpuDevice {
     }
 
     /// Takes steps of deformed Gaussians in order, however often room has to be made, and reports the last.
-    pub fn train_deformed(&mut self, steps: &[DenseStep], deformation: &mut dyn Deformation) -> Result<StepReport> {
+    pub fn train_deformed(&mut self, steps: &[DenseStep], deformation: &mut dyn DeformationPass) -> Result<StepReport> {
         self.ready()?;
         steps.iter().try_for_each(DenseStep::check)?;
         if self.training.noted.is_none() {
@@ -139,7 +139,7 @@ impl GpuDevice {
     }
 
     /// Records and submits what is left of a batch, a step at a time: constants of a deformation are one step's.
-    fn submit_deformed(&mut self, batch: &Batch, s: &StandIns, deformation: &mut dyn Deformation) -> Result<()> {
+    fn submit_deformed(&mut self, batch: &Batch, s: &StandIns, deformation: &mut dyn DeformationPass) -> Result<()> {
         let steps = &batch.steps[batch.done..];
         self.keyframe_cache.announce(steps.iter().map(|s| s.view.0));
         let (context, m, n) = (&self.context, &self.memory, self.store.len());
@@ -172,7 +172,7 @@ impl GpuDevice {
     }
 
     /// Renders deformed Gaussians.
-    pub fn render_deformed(&mut self, request: &RenderRequest, deformation: &mut dyn Deformation) -> Result<Rendering> {
+    pub fn render_deformed(&mut self, request: &RenderRequest, deformation: &mut dyn DeformationPass) -> Result<Rendering> {
         self.ready()?;
         self.reserve_stand_ins()?;
         let Some(s) = &self.stand_ins else { return Ok(Rendering::default()) };

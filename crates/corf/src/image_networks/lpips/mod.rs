@@ -55,7 +55,7 @@ impl Backbone {
         format!("lpips_{}.safetensors", self.name())
     }
 
-    /// Its distance of [`known_pair`] with [`Input::Signed`], from an implementation of its own in f64 (numpy) that agrees with the official
+    /// Its distance of [`known_pair`] with [`LpipsInput::Signed`], from an implementation of its own in f64 (numpy) that agrees with the official
     /// program's values for its example images.
     fn known_distance(self) -> f64 {
         match self {
@@ -68,7 +68,7 @@ impl Backbone {
 
 /// Convention for the input x that a network is shown for a colour value v between 0 and 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Input {
+pub enum LpipsInput {
     /// x = 2v − 1, between −1 and 1: LPIPS as its authors define it.
     Signed,
     /// x = v, between 0 and 1: the step to [−1, 1] left out, as the literature on Gaussian splatting does. Not LPIPS, but what it reports by that
@@ -99,7 +99,7 @@ impl Lpips {
         let tensors = Tensors::read(path, HELP)?;
         let lpips = Self { backbone, steps: trunk::read(backbone, &tensors)?, sha256: tensors.sha256() };
         let [a, b] = known_pair();
-        let (found, known) = (lpips.distance(&a, &b, Input::Signed), backbone.known_distance());
+        let (found, known) = (lpips.distance(&a, &b, LpipsInput::Signed), backbone.known_distance());
         // Written so that what is no number is refused.
         if (found - known).abs() <= KNOWN_TOLERANCE {
             return Ok(lpips);
@@ -129,7 +129,7 @@ impl Lpips {
     ///
     /// # Panics
     /// If they differ in size, or are smaller than [`Self::least_px`].
-    pub fn distance(&self, a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>, input: Input) -> f64 {
+    pub fn distance(&self, a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>, input: LpipsInput) -> f64 {
         self.layers(a, b, input).iter().sum()
     }
 
@@ -137,7 +137,7 @@ impl Lpips {
     ///
     /// # Panics
     /// If they differ in size, or are smaller than [`Self::least_px`].
-    pub fn layers(&self, a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>, input: Input) -> Vec<f64> {
+    pub fn layers(&self, a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>, input: LpipsInput) -> Vec<f64> {
         assert_eq!((a.width(), a.height()), (b.width(), b.height()), "images of one size are compared");
         let mut maps = [shown(a, input), shown(b, input)];
         let mut shares = Vec::new();
@@ -153,14 +153,14 @@ impl Lpips {
 }
 
 /// An image as a network sees it.
-fn shown(image: &Raster<[u8; 3]>, input: Input) -> Map {
+fn shown(image: &Raster<[u8; 3]>, input: LpipsInput) -> Map {
     let [shift, scale] = NORMALISATION;
     let normalised = |pixel: &[u8; 3]| -> [f32; 3] {
         std::array::from_fn(|c| {
             let value = f32::from(pixel[c]) / 255.0;
             let x = match input {
-                Input::Signed => 2.0 * value - 1.0,
-                Input::Unit => value,
+                LpipsInput::Signed => 2.0 * value - 1.0,
+                LpipsInput::Unit => value,
             };
             (x - shift[c]) / scale[c]
         })

@@ -28,11 +28,11 @@ fn distances_are_the_official_programs() {
         for [first, second] in PAIRS {
             let (a, b) = (image(first).unwrap(), image(second).unwrap());
             let known = |key: &str| &goldens[format!("{first}|{second}")][format!("lpips_{}_{key}", backbone.name())];
-            for (input, key) in [(Input::Signed, "pm1"), (Input::Unit, "01_input_3dgs_convention")] {
+            for (input, key) in [(LpipsInput::Signed, "pm1"), (LpipsInput::Unit, "01_input_3dgs_convention")] {
                 let (found, known) = (lpips.distance(&a, &b, input), known(key).as_f64().unwrap());
                 assert!((found - known).abs() < TOLERANCE, "{backbone:?} {first} {second} {input:?}: {found} {known}");
             }
-            let layers = lpips.layers(&a, &b, Input::Signed);
+            let layers = lpips.layers(&a, &b, LpipsInput::Signed);
             let known: Vec<f64> = known("pm1_layers").as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
             assert_eq!(layers.len(), known.len());
             assert!(layers.iter().zip(&known).all(|(a, b)| (a - b).abs() < TOLERANCE), "{backbone:?} {layers:?} {known:?}");
@@ -60,8 +60,8 @@ fn distances_by_vgg_are_known() {
     ];
     for ([first, second], (layers, unit)) in PAIRS.into_iter().zip(known) {
         let (Some(a), Some(b)) = (image(first), image(second)) else { return };
-        let found = lpips.layers(&a, &b, Input::Signed);
-        let found_unit = lpips.distance(&a, &b, Input::Unit);
+        let found = lpips.layers(&a, &b, LpipsInput::Signed);
+        let found_unit = lpips.distance(&a, &b, LpipsInput::Unit);
         println!("{first} {second}: {} {found_unit}, layers {found:?}", found.iter().sum::<f64>());
         assert!(found.iter().zip(layers).all(|(a, b)| (a - b).abs() < TOLERANCE), "{found:?} {layers:?}");
         assert!((found_unit - unit).abs() < TOLERANCE, "{found_unit} {unit}");
@@ -140,10 +140,10 @@ fn pooled(map: &Exact, pool: MaxPool) -> Exact {
 }
 
 /// The layers' shares by the formula, in f64.
-fn exact_layers(lpips: &Lpips, images: [&Raster<[u8; 3]>; 2], input: Input) -> Vec<f64> {
+fn exact_layers(lpips: &Lpips, images: [&Raster<[u8; 3]>; 2], input: LpipsInput) -> Vec<f64> {
     let shown = |image: &Raster<[u8; 3]>| -> Exact {
         let [shift, scale] = [[-0.030, -0.088, -0.188], [0.458, 0.448, 0.450]];
-        let x = |v: u8| if input == Input::Signed { f64::from(v) / 127.5 - 1.0 } else { f64::from(v) / 255.0 };
+        let x = |v: u8| if input == LpipsInput::Signed { f64::from(v) / 127.5 - 1.0 } else { f64::from(v) / 255.0 };
         let pixel = |p: [u8; 3]| (0..3).map(|c| (x(p[c]) - shift[c]) / scale[c]).collect();
         (0..image.height()).map(|v| (0..image.width()).map(|u| pixel(image[(u, v)])).collect()).collect()
     };
@@ -185,7 +185,7 @@ fn weights_by_chance_give_what_the_formula_gives() {
     // Odd and even sizes, more pixels than a block; one as small as can be.
     for (width, height) in [(41, 37), (60, 44), (lpips.least_px(), lpips.least_px() + 1)] {
         let (a, b) = (photograph(1, width, height), photograph(2, width, height));
-        for input in [Input::Signed, Input::Unit] {
+        for input in [LpipsInput::Signed, LpipsInput::Unit] {
             let (found, exact) = (lpips.layers(&a, &b, input), exact_layers(&lpips, [&a, &b], input));
             assert_eq!(found.len(), 3);
             assert!(exact.iter().all(|v| *v > 1e-3), "they see a difference: {exact:?}");
@@ -198,12 +198,12 @@ fn weights_by_chance_give_what_the_formula_gives() {
 fn a_distance_is_one() {
     let lpips = small();
     let (a, b) = (photograph(3, 50, 40), photograph(4, 50, 40));
-    for input in [Input::Signed, Input::Unit] {
+    for input in [LpipsInput::Signed, LpipsInput::Unit] {
         assert_eq!(lpips.distance(&a, &a, input), 0.0);
         assert_eq!(lpips.distance(&a, &b, input), lpips.distance(&b, &a, input));
         assert!(lpips.distance(&a, &b, input) > 0.01);
     }
-    assert_ne!(lpips.distance(&a, &b, Input::Signed), lpips.distance(&a, &b, Input::Unit));
+    assert_ne!(lpips.distance(&a, &b, LpipsInput::Signed), lpips.distance(&a, &b, LpipsInput::Unit));
     // Features that are all 0 have no length to be divided by.
     let dead = Lpips {
         steps: vec![
@@ -212,7 +212,7 @@ fn a_distance_is_one() {
         ],
         ..small()
     };
-    assert_eq!(dead.distance(&a, &b, Input::Signed), 0.0);
+    assert_eq!(dead.distance(&a, &b, LpipsInput::Signed), 0.0);
 }
 
 #[test]
@@ -221,7 +221,7 @@ fn the_same_bytes_come_of_any_number_of_threads() {
     let (a, b) = (photograph(5, 96, 54), photograph(6, 96, 54));
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| lpips.layers(&a, &b, Input::Signed))
+        pool.install(|| lpips.layers(&a, &b, LpipsInput::Signed))
     };
     let one = on(1);
     for threads in [2, 5] {

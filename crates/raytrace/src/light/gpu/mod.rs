@@ -20,7 +20,7 @@ mod views;
 
 use super::cache::Packed;
 use super::renderer::no_cache;
-use super::{CacheSettings, Developed, LightFrame, LightSampling, LightTracer, RayCounts, Renderer, Spent, View};
+use super::{CacheSettings, Developed, LightFrame, LightSampling, LightTracer, LightView, RayCounts, Renderer, Spent};
 use clock::Clock;
 use commands::Commands;
 use corf_gpu::{AdapterOptions, Bound, Context, Kernel};
@@ -201,7 +201,7 @@ impl<'a> GpuLight<'a> {
 }
 
 impl Renderer for GpuLight<'_> {
-    fn render(&self, camera: &Pinhole, views: &[View], sampling: &LightSampling) -> Result<Vec<LightFrame>> {
+    fn render(&self, camera: &Pinhole, views: &[LightView], sampling: &LightSampling) -> Result<Vec<LightFrame>> {
         let mut frames = Vec::with_capacity(views.len());
         let words = SUMS_WORDS * camera.width * camera.height;
         for together in views.chunks(self.together(camera)) {
@@ -219,7 +219,13 @@ impl Renderer for GpuLight<'_> {
         Ok(frames)
     }
 
-    fn develop(&self, camera: &Pinhole, views: &[View], sampling: &LightSampling, exposure_ev: f32) -> Result<Vec<Developed>> {
+    fn develop(
+        &self,
+        camera: &Pinhole,
+        views: &[LightView],
+        sampling: &LightSampling,
+        exposure_ev: f32,
+    ) -> Result<Vec<Developed>> {
         let pixels = camera.width * camera.height;
         let mut images = Vec::with_capacity(views.len());
         for together in views.chunks(self.together(camera)) {
@@ -284,7 +290,7 @@ fn depth(t: f32) -> f32 {
 }
 
 /// A frame from its pixels' sums.
-fn light_frame(camera: &Pinhole, view: &View, words: &[u32]) -> LightFrame {
+fn light_frame(camera: &Pinhole, view: &LightView, words: &[u32]) -> LightFrame {
     let sums = |k: usize| &words[k * SUMS_WORDS..(k + 1) * SUMS_WORDS];
     let float = |k: usize, at: usize| f32::from_bits(sums(k)[at]);
     let pixels = camera.width * camera.height;

@@ -2,7 +2,7 @@
 
 use super::super::renderer::no_cache;
 use super::super::sampler::frame_seed;
-use super::super::{LightSampling, View};
+use super::super::{LightSampling, LightView};
 use super::lattices::Lattices;
 use super::pace::Pace;
 use super::params::{MOST_VIEWS, Params, Viewpoint, halves};
@@ -101,7 +101,7 @@ impl<'a> GpuLight<'a> {
     }
 
     /// Settings of some views.
-    fn view_params(&self, camera: &Pinhole, views: &[View], sampling: &LightSampling, tiles: u32) -> Params {
+    fn view_params(&self, camera: &Pinhole, views: &[LightView], sampling: &LightSampling, tiles: u32) -> Params {
         let mut common = Params {
             width: camera.width as u32,
             height: camera.height as u32,
@@ -162,7 +162,7 @@ impl<'a> GpuLight<'a> {
         &self,
         state: &'s mut State<'a>,
         camera: &Pinhole,
-        views: &[View],
+        views: &[LightView],
         sampling: &LightSampling,
     ) -> Result<(&'s Frame, Params)> {
         let start = Instant::now();

@@ -8,7 +8,7 @@ use super::*;
 use crate::light::bsdf::Bsdf;
 use crate::light::sampler::Sampler;
 use crate::light::surface::Surface;
-use crate::light::{CacheSettings, GpuLight, LightCache, LightSampling, Renderer, View, ViewSettings};
+use crate::light::{CacheSettings, GpuLight, LightCache, LightSampling, LightView, Renderer, ViewSettings};
 use corf_gpu::{AdapterOptions, testing};
 use corf_scene::Rng;
 use corf_scene::model::{AlphaMode, Filter, PunctualKind, PunctualLight, TextureRef, Wrap};

@@ -22,7 +22,7 @@ use super::lattice::Directions;
 use super::{Antenna, Arrival, RadioTracer};
 pub use check::Scattered;
 use corf_scene::{Error, Result, Rng, bounds};
-pub use gather::Extent;
+pub use gather::WorldExtent;
 use gather::image_receivers::{self, ImageReceivers, MirrorSequence, StrongMirrors};
 use gather::light_hits::{self, LightHits};
 use gather::refine::Gathering;
@@ -194,12 +194,12 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     ///
     /// # Errors
     /// A position that is not finite, or within 0.1 mm of a surface.
-    pub fn gather(&self, rx: DVec3, antenna: &Antenna, extent: &Extent) -> Result<Vec<Arrival>> {
+    pub fn gather(&self, rx: DVec3, antenna: &Antenna, extent: &WorldExtent) -> Result<Vec<Arrival>> {
         self.tracer.check_in_the_open("receiver", rx)?;
         let inside = extent.inside();
         let gathering = self.gathering(rx, antenna, &inside);
         let mut arrivals = gathering.arrivals(&inside);
-        if !matches!(extent, Extent::Sphere) {
+        if !matches!(extent, WorldExtent::Sphere) {
             // What lies outside counts for the total power alone.
             let outside = Gathering {
                 directions: &self.outside,

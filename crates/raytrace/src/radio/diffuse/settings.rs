@@ -96,7 +96,7 @@ impl DiffuseSettings {
 /// Numbers of the gathering that follow from whether single heavy arrivals are to be avoided ([`DiffuseSettings::even_arrivals`]).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SamplingPolicy {
-    /// Factor by which directions outside of an [`super::Extent`] are sparser.
+    /// Factor by which directions outside of an [`super::WorldExtent`] are sparser.
     pub outside_sparsity: usize,
     /// Whether directions are jittered in their cells, small faces sampled over their area, and the transmitter's rays connected by way of
     /// mirrors as well.

@@ -5,7 +5,7 @@
 use super::materials::{Mat, MaterialSpec, SurfaceRadio};
 use super::mesh_builder::BuiltObject;
 use super::textures::Tex;
-use crate::draw::Format;
+use crate::draw::PictureFormat;
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -270,7 +270,7 @@ pub fn write(objects: &[BuiltObject]) -> Vec<u8> {
             .iter()
             .enumerate()
             .map(|(i, t)| {
-                let mime = if t.format() == Format::Png { "image/png" } else { "image/jpeg" };
+                let mime = if t.format() == PictureFormat::Png { "image/png" } else { "image/jpeg" };
                 Ordered(vec![("name", json!(t.name())), ("mimeType", json!(mime)), ("bufferView", json!(4 + i))])
             })
             .collect(),

@@ -30,7 +30,7 @@ pub fn smoothstep(a: f32, b: f32, x: f32) -> f32 {
 
 /// Encoding of an image in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub enum PictureFormat {
     /// Lossless: prints and flat colours.
     Png,
     /// Photo-like noise, at this quality.
@@ -143,18 +143,18 @@ impl Canvas {
     }
 
     /// The image file's bytes.
-    pub fn encode(&self, format: Format) -> Vec<u8> {
+    pub fn encode(&self, format: PictureFormat) -> Vec<u8> {
         let (w, h) = (self.pixels.width() as u32, self.pixels.height() as u32);
         let rgb: Vec<u8> = self.pixels.pixels().iter().flat_map(|p| p.map(crate::color::quantize8)).collect();
         let mut bytes = Vec::new();
         let written = match format {
-            Format::Png => codecs::png::PngEncoder::new_with_quality(
+            PictureFormat::Png => codecs::png::PngEncoder::new_with_quality(
                 &mut bytes,
                 codecs::png::CompressionType::Default,
                 codecs::png::FilterType::Adaptive,
             )
             .write_image(&rgb, w, h, ExtendedColorType::Rgb8),
-            Format::Jpeg(quality) => {
+            PictureFormat::Jpeg(quality) => {
                 codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality).write_image(&rgb, w, h, ExtendedColorType::Rgb8)
             }
         };

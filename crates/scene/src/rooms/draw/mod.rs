@@ -4,7 +4,7 @@ mod canvas;
 mod glyphs;
 mod plan;
 
-pub use canvas::{Canvas, Format, Rgb, hex, mix};
+pub use canvas::{Canvas, PictureFormat, Rgb, hex, mix};
 pub(crate) use canvas::{scale, smoothstep};
 pub(crate) use glyphs::layout as text_layout;
 pub use plan::{clip, metre_axes};
@@ -94,7 +94,7 @@ mod tests {
             let (_, width) = layout("-65 dBm");
             // Scaled so that the line is 30 pixels wide.
             text(&mut canvas, "-65 dBm", [100.0, 30.0], anchor, 30.0 / width, [0.0; 3]);
-            let png = crate::io::decode_rgba(&canvas.encode(Format::Png), "text.png").unwrap();
+            let png = crate::io::decode_rgba(&canvas.encode(PictureFormat::Png), "text.png").unwrap();
             let dark: Vec<usize> = (0..200 * 40).filter(|i| png.pixels()[*i][0] < 128).map(|i| i % 200).collect();
             let (first, last) = (*dark.iter().min().unwrap() as f32, *dark.iter().max().unwrap() as f32);
             // The minus sign starts a little in; a pen is about a pixel wide.

@@ -43,7 +43,7 @@ fn images_of_the_path_method_are_the_processors() {
         let tracer = LightTracer::new(&scene, &bvh);
         let gpu = open(&tracer, None);
         let (camera, world_from_camera) = view(50, 37, 90.0, DVec3::new(0.4, 0.5, 1.6), DVec3::new(4.0, 3.0, 1.0));
-        let views = [View { world_from_camera, key: 5 }];
+        let views = [LightView { world_from_camera, key: 5 }];
         let expected = tracer.render(&camera, &world_from_camera, &settings, 5);
         let found = gpu.render(&camera, &views, &LightSampling::Path(settings)).unwrap().remove(0);
         assert!(found == gpu.render(&camera, &views, &LightSampling::Path(settings)).unwrap().remove(0), "the same bytes again");
@@ -86,7 +86,7 @@ fn a_view_without_memory_is_an_error_and_the_next_one_is_rendered() {
     let sampling = LightSampling::Path(LightSettings { samples_per_pixel: 1, ..LightSettings::default() });
     let look = |width: usize| {
         let (camera, world_from_camera) = view(width, 8, 90.0, DVec3::new(0.4, 0.5, 1.6), DVec3::new(4.0, 3.0, 1.0));
-        gpu.render(&camera, &[View { world_from_camera, key: 0 }], &sampling).map(|frames| frames.len())
+        gpu.render(&camera, &[LightView { world_from_camera, key: 0 }], &sampling).map(|frames| frames.len())
     };
     assert_eq!(look(8).unwrap(), 1);
     gpu.context().limit_allocations(64 << 10);
@@ -112,7 +112,7 @@ fn a_lost_device_says_so_and_renders_nothing() {
         let gpu = open(&tracer, cache);
         let look = || {
             let (camera, world_from_camera) = view(16, 8, 90.0, DVec3::new(0.4, 0.5, 1.6), DVec3::new(4.0, 3.0, 1.0));
-            gpu.render(&camera, &[View { world_from_camera, key: 0 }], &sampling).map(|frames| frames.len())
+            gpu.render(&camera, &[LightView { world_from_camera, key: 0 }], &sampling).map(|frames| frames.len())
         };
         assert_eq!(look().unwrap(), 1);
         gpu.context().device.destroy();
@@ -192,7 +192,7 @@ fn images_from_cached_light_are_the_processors() {
             ViewSettings { seed: 2, samples_per_pixel: 2, most_samples: 16, exposure_ev: -0.5, ..ViewSettings::default() };
         let (camera, world_from_camera) = view(36, 27, 90.0, DVec3::new(0.4, 0.5, 1.6), DVec3::new(4.0, 3.0, 1.0));
         let (other_camera, other) = view(12, 15, 70.0, DVec3::new(4.5, 3.5, 1.9), DVec3::new(1.0, 1.0, 0.5));
-        let views = [View { world_from_camera, key: 5 }];
+        let views = [LightView { world_from_camera, key: 5 }];
         let cache = solve().unwrap();
         let expected = cache.render(&camera, &world_from_camera, &settings, 5);
         let found = gpu.render(&camera, &views, &LightSampling::Cached(settings)).unwrap().remove(0);
@@ -212,7 +212,8 @@ fn images_from_cached_light_are_the_processors() {
         }
         let again = open(&tracer, Some(&CACHE));
         let elsewhere = |gpu: &GpuLight<'_>| {
-            gpu.render(&other_camera, &[View { world_from_camera: other, key: 6 }], &LightSampling::Cached(settings)).unwrap()
+            gpu.render(&other_camera, &[LightView { world_from_camera: other, key: 6 }], &LightSampling::Cached(settings))
+                .unwrap()
         };
         let first = elsewhere(&again);
         assert!(found == again.render(&camera, &views, &LightSampling::Cached(settings)).unwrap().remove(0), "the same bytes");
@@ -235,9 +236,9 @@ fn views_rendered_together_are_those_rendered_alone() {
     let (camera, _) = view(20, 13, 90.0, DVec3::ZERO, DVec3::X);
     let of = |key: u64| {
         let (_, world_from_camera) = view(20, 13, 90.0, DVec3::new(0.4 + 0.3 * key as f64, 0.5, 1.6), DVec3::new(4.0, 3.0, 1.0));
-        View { world_from_camera, key }
+        LightView { world_from_camera, key }
     };
-    let views: Vec<View> = (0..11).map(of).collect();
+    let views: Vec<LightView> = (0..11).map(of).collect();
     for sampling in
         [LightSampling::Cached(settings), LightSampling::Path(LightSettings { samples_per_pixel: 2, ..LightSettings::default() })]
     {

@@ -10,10 +10,10 @@ const FRONT_MARGIN_DEG: f64 = 2.0;
 
 /// Part of the sphere around a receiver that is sampled at full density.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Extent {
+pub enum WorldExtent {
     /// The whole sphere.
     Sphere,
-    /// A camera's frame and a margin. The rest is sparser, which keeps the total power; an array's side lobes want more: [`Extent::Front`].
+    /// A camera's frame and a margin. The rest is sparser, which keeps the total power; an array's side lobes want more: [`WorldExtent::Front`].
     View {
         /// Intrinsics of the camera.
         camera: Pinhole,
@@ -27,7 +27,7 @@ pub enum Extent {
     },
 }
 
-impl Extent {
+impl WorldExtent {
     /// Whether a unit direction of the world lies inside.
     pub(crate) fn inside(&self) -> Box<dyn Fn(DVec3) -> bool + Sync> {
         match *self {

@@ -14,5 +14,5 @@ mod sampling;
 mod shade;
 pub(super) mod small_faces;
 
-pub use extent::Extent;
+pub use extent::WorldExtent;
 pub(super) use ray::{DepthLayer, GatherTracer, Lattice};

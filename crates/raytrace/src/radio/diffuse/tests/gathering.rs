@@ -79,7 +79,7 @@ fn ports_of_a_receiver_add_and_those_of_a_transmitter_share() {
         let tracer = RadioTracer::without_bvh(&scene, setup).unwrap();
         let sampling = DiffuseSettings { directions: 4_000, photons: 200_000, ..sampling() };
         let field = DiffuseField::new(&tracer, tx, &sampling).unwrap();
-        field.gather(rx, &antenna(rx_polarization), &Extent::Sphere).unwrap().iter().map(|a| a.power).sum()
+        field.gather(rx, &antenna(rx_polarization), &WorldExtent::Sphere).unwrap().iter().map(|a| a.power).sum()
     };
     use Polarization::{H, V, VH};
     let [vv, vh, hv, hh] = [(V, V), (V, H), (H, V), (H, H)].map(|(t, r)| total(t, r));
@@ -97,11 +97,11 @@ fn an_element_with_a_pattern_turns_with_its_platform() {
     let sampling = DiffuseSettings { directions: 4_000, photons: 0, resolution_deg: 0.0, ..sampling() };
     let field = DiffuseField::new(&tracer, DVec3::new(1.0, 1.2, 1.1), &sampling).unwrap();
     let rx = DVec3::new(2.2, 0.9, 1.3);
-    let iso = field.gather(rx, field.antenna(), &Extent::Sphere).unwrap();
+    let iso = field.gather(rx, field.antenna(), &WorldExtent::Sphere).unwrap();
     for yaw in [0.0, 2.0] {
         let world_from_antenna = DMat3::from_rotation_z(yaw);
         let antenna = Antenna { pattern: AntennaPattern::Tr38901, world_from_antenna, ..Antenna::default() };
-        let seen = field.gather(rx, &antenna, &Extent::Sphere).unwrap();
+        let seen = field.gather(rx, &antenna, &WorldExtent::Sphere).unwrap();
         for (a, b) in iso.iter().zip(&seen) {
             let gain = antenna::amplitude(AntennaPattern::Tr38901, world_from_antenna.transpose() * a.direction).powi(2);
             assert!((b.power / a.power / gain - 1.0).abs() < 1e-9);
@@ -119,7 +119,7 @@ fn a_hot_spot_is_resolved_between_the_directions_of_the_lattice() {
         let mut field = DiffuseField::new(&tracer, DVec3::new(0.2, 1.2, 1.1), &sampling).unwrap();
         // The transmitter's own rays would resolve it without.
         field.light_hits = None;
-        field.gather(rx, field.antenna(), &Extent::Sphere).unwrap()
+        field.gather(rx, field.antenna(), &WorldExtent::Sphere).unwrap()
     };
     // Power per steradian within a few degrees of the hot spot behind the transmitter, where light varies the most.
     let towards = (DVec3::new(0.0, 1.2, 1.1) - rx).normalize();
@@ -163,7 +163,7 @@ fn a_bright_shelf_seen_edge_on_sends_what_a_surface_integral_says() {
         let sampling = DiffuseSettings { directions: 20_000, photons: 0, phase, ..sampling() };
         let field = DiffuseField::new(&tracer, tx, &sampling).unwrap();
         let even = power(&field, rx, |c| c.after == 0);
-        let refined: f64 = field.gather(rx, field.antenna(), &Extent::Sphere).unwrap().iter().map(|a| a.power).sum();
+        let refined: f64 = field.gather(rx, field.antenna(), &WorldExtent::Sphere).unwrap().iter().map(|a| a.power).sum();
         assert!((even / expected - 1.0).abs() < 0.01, "phase {phase}: {even:e} {expected:e}");
         assert!((refined / expected - 1.0).abs() < 0.01, "phase {phase}, refined: {refined:e} {expected:e}");
     }
@@ -232,7 +232,7 @@ fn even_arrivals_count_every_point_once_and_none_for_much() {
         let arrivals = |directions, even_arrivals, phase| {
             let sampling = DiffuseSettings { directions, even_arrivals, resolution_deg: 4.0, photons: 0, phase, ..sampling() };
             let field = DiffuseField::new(&tracer, tx, &sampling).unwrap();
-            field.gather(rx, field.antenna(), &Extent::Sphere).unwrap()
+            field.gather(rx, field.antenna(), &WorldExtent::Sphere).unwrap()
         };
         let truth: f64 = arrivals(2_000_000, false, 0).iter().map(|a| a.power).sum();
         let [plain, even] = [false, true].map(|even| (1..33).map(|phase| arrivals(20_000, even, phase)).collect::<Vec<_>>());
