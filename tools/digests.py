@@ -22,7 +22,7 @@ from pathlib import Path
 REPOSITORY = Path(__file__).resolve().parent.parent
 # Keys of JSON files that say when, where or how fast, not what.
 # Points of a curve are taken where the clock says, by methods that work in steps.
-VOLATILE = {"seconds", "curve", "peak_memory_bytes", "provenance", "device", "latency", "elapsed_s", "threads", "dataset", "dataset_hash", "keyframes_per_s"}
+VOLATILE = {"seconds", "curve", "peak_memory_bytes", "peak_device_memory_bytes", "provenance", "device", "latency", "elapsed_s", "threads", "dataset", "dataset_hash", "keyframes_per_s"}
 # A row's settings are those of a quick run that still goes through every part of the method: growth, density control, both stages.
 ONLINE = "iterations_per_keyframe = 30"
 OFFLINE = """optical_steps = 160

@@ -122,3 +122,46 @@ fn a_cell_that_was_killed_runs_again_to_the_same_numbers() {
     corf_ok(&["bench", "cell", text(&whole), &cells(&whole)[0].0, "--device", "cpu"]);
     assert_eq!(frames(&record), frames(&cells(&whole)[0].1));
 }
+
+#[test]
+fn a_plan_says_how_long_it_takes_and_a_time_limit_leaves_the_rest() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (folder.path().join("plan.toml"), folder.path().join("out"));
+    let write = |iterations: usize, seconds: &str| {
+        let body = format!(
+            "name = \"limited\"\nmachine = \"two cores\"\ndataset = '{}'\nseeds = [1, 2]\n[[row]]\nlabel = \"CORF-GS\"\nmethod = \"corf-gs\"\n{seconds}\n\
+             [row.config]\niterations_per_keyframe = {iterations}\n[[row]]\nlabel = \"nearest\"\nmethod = \"nearest\"\n",
+            text(tiny_dataset())
+        );
+        fs::write(&path, body).unwrap();
+    };
+    write(5, "seconds = 0");
+    let refused = corf(&["bench", "plan", text(&path), "--out", text(&out)]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(
+        String::from_utf8_lossy(&refused.stderr).contains("no time that a cell takes"),
+        "{}",
+        String::from_utf8_lossy(&refused.stderr)
+    );
+    write(100_000, "seconds = 90.5");
+    let said = corf_ok(&["bench", "plan", text(&path), "--out", text(&out)]);
+    assert!(
+        said.contains("4 cells, 4 to run; 3 min one after another on two cores and what 2 cells without `seconds` take"),
+        "{said}"
+    );
+    let submit = ["bench", "submit", text(&out), "--local", "1", "--device", "cpu", "--stop-after-s", "2"];
+    let stopped = corf(&submit);
+    assert_eq!(stopped.status.code(), Some(1), "{}", String::from_utf8_lossy(&stopped.stderr));
+    assert!(
+        String::from_utf8_lossy(&stopped.stdout).contains("of 4 cells left: the same command goes on"),
+        "{}",
+        String::from_utf8_lossy(&stopped.stdout)
+    );
+    assert!(!out.join("table.md").exists(), "what is not finished is no table yet");
+    // With what can be done in the time, nothing is left, and there is a table.
+    write(5, "seconds = 90.5");
+    corf_ok(&["bench", "plan", text(&path), "--out", text(&out), "--resume"]);
+    let last = submit.len() - 1;
+    corf_ok(&[&submit[..last], &["500"]].concat());
+    assert!(out.join("table.md").exists());
+}

@@ -141,6 +141,20 @@ pub fn gpu_count() -> usize {
     0
 }
 
+/// The most bytes that buffers took on GPUs since [`reset_peak_memory`]; `None` where none was at work.
+pub fn peak_memory_bytes() -> Option<u64> {
+    #[cfg(feature = "gpu")]
+    return corf_gpu::peak_memory_bytes();
+    #[cfg(not(feature = "gpu"))]
+    None
+}
+
+/// Forgets that peak, so that the next speaks of what follows.
+pub fn reset_peak_memory() {
+    #[cfg(feature = "gpu")]
+    corf_gpu::reset_peak_memory();
+}
+
 /// Options of an adapter that a baseline's network runs on, in half precision if it is to.
 #[cfg(feature = "gpu")]
 pub fn network_options(number: usize, half: bool) -> corf_gpu::AdapterOptions {

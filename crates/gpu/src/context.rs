@@ -1,6 +1,7 @@
 //! A device on an adapter, and the smallest runtime over it: buffers, submissions, readback, and errors that say what happened.
 
 use crate::adapter::{AdapterOptions, MATRIX_FEATURES, adapters, has_matrix_units, is_software, ready};
+use crate::memory::Share;
 use corf_scene::{Error, Result};
 use std::{
     marker::PhantomData,
@@ -57,6 +58,8 @@ pub struct Context {
     /// Memory that readings came through and that others may take.
     staging: Mutex<Vec<wgpu::Buffer>>,
     failure: Arc<Mutex<Failure>>,
+    /// What its buffers take of this process's device memory.
+    memory: Share,
     /// Reference that is dropped last.
     _last: LastReference,
 }
@@ -151,6 +154,7 @@ impl Context {
             poison: options.poison,
             most_allocated: u64::MAX.into(),
             staging: Mutex::default(),
+            memory: Share::default(),
             _last: LastReference(Some(device.clone())),
             device,
             queue,
@@ -239,6 +243,7 @@ impl Context {
             self.pretend_out_of_memory();
         }
         self.check(label)?;
+        self.memory.look(&self.device);
         if let Some(pattern) = self.poison {
             self.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&vec![pattern; size as usize / 4]));
         }
@@ -271,6 +276,7 @@ impl Context {
 
     /// Hands commands to the queue.
     pub fn submit(&self, encoder: wgpu::CommandEncoder) {
+        self.memory.look(&self.device);
         self.queue.submit([encoder.finish()]);
     }
 

@@ -25,6 +25,7 @@
 mod adapter;
 mod context;
 mod kernel;
+mod memory;
 mod record;
 mod report;
 mod scratch;
@@ -34,6 +35,7 @@ mod timestamps;
 pub use adapter::{AdapterOptions, MATRIX_THREADS, adapter_name, adapter_names, multiplies_in_half};
 pub use context::{Context, Reading, STORAGE_BUFFERS};
 pub use kernel::{ARGS_STRIDE, Bound, GROUP_NUMBER, Kernel, ROW, SIN_COS, UNIFORM_STRIDE};
+pub use memory::{peak_memory_bytes, reset_peak_memory};
 pub use record::Wgsl;
 pub use report::{AdapterReport, adapter_reports};
 pub use scratch::Scratch;

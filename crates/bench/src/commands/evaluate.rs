@@ -154,6 +154,7 @@ impl Evaluate {
         let predictions = writer.map(|writer| writer.finish(&stated_of(info, run.method.as_ref(), dataset))).transpose()?;
         let numbers =
             Numbers::of(frames, Some(info.seconds), info.gaussians, info.peak_memory_bytes, info.curve.clone(), info.latency)
+                .with_device_memory(info.peak_device_memory_bytes)
                 .with_depth(info.depth);
         let outcome = Outcome::Done(Box::new(numbers));
         let mut record = harness::record(&info.method, run.method.as_ref(), &run.input, info.protocol, info.seed, outcome);

@@ -120,6 +120,7 @@ impl Sweep {
         }
         rows.extend(self.change.iter().map(|c| row(c.label.clone(), c.method.as_ref(), c.config.clone())));
         let plan = Plan {
+            machine: None,
             name: format!("{}: {}", self.name, folder_of(dataset)),
             analysis: String::new(),
             dataset: dataset.to_owned(),

@@ -19,6 +19,9 @@ pub struct Plan {
     pub analysis: String,
     /// Dataset folder, relative to the plan file.
     pub dataset: PathBuf,
+    /// Machine that the plan is meant for, in words: what the rows' `seconds` are of.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub machine: Option<String>,
     /// Evaluation protocol, which gives the training and the held-out split: `validation`, `test`, `segment`, or blocks, of which every fold is
     /// run: `trajectory:parts=5,gap_keyframes=4`, `along-y:parts=5,gap_m=0.1`, `k-means:parts=10,gap_m=0.05,seed=0`.
     #[serde(default)]
@@ -60,6 +63,10 @@ pub struct PlanRow {
     /// Number of seeds that the row is run with, the first of the plan's: for a row that is too slow for all of them. Default: all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seeds: Option<usize>,
+    /// Seconds that a cell of this row takes on the plan's `machine`, evaluation included, as measured before: `corf bench plan` adds them up.
+    /// Default: not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
     /// Whether the run folder of the row's first seed is kept, as `models/ROW`, for `corf view`, `corf render` and `corf evaluate`. Default: no.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub keep_model: bool,
@@ -93,6 +100,9 @@ const PROTOCOL: &str = "{protocol}";
 /// … and what for the fold.
 const FOLD: &str = "{fold}";
 
+/// Longest time of a cell that is believed, seconds: a month.
+const MOST_SECONDS: f64 = 31.0 * 86_400.0;
+
 /// Word in the label of every row that knows the true scene.
 const ORACLE: &str = "oracle";
 
@@ -110,7 +120,7 @@ impl PlanRow {
 
     /// A row of a method.
     pub fn of_method(label: String, method: String, config: toml::Table) -> Self {
-        Self { label, kind: RowKind::Method, method, dir: None, seeds: None, keep_model: false, config }
+        Self { label, kind: RowKind::Method, method, dir: None, seeds: None, seconds: None, keep_model: false, config }
     }
 
     /// The folder of predictions of a seed under a protocol; `None` for a method's row.
@@ -141,6 +151,11 @@ impl PlanRow {
         if let Some(wanted) = self.seeds.filter(|wanted| !(1..=seeds).contains(wanted)) {
             bail!(
                 "seeds = {wanted}, and the plan has {seeds}\n  help: a row is run with the first of the plan's seeds, one at least"
+            );
+        }
+        if let Some(seconds) = self.seconds.filter(|seconds| !(*seconds > 0.0 && *seconds <= MOST_SECONDS)) {
+            bail!(
+                "seconds = {seconds} is no time that a cell takes\n  help: give seconds above 0, up to {MOST_SECONDS}, or leave it out"
             );
         }
         match (self.kind, &self.dir) {
@@ -257,6 +272,16 @@ impl Plan {
         self.rows.iter().flat_map(move |row| {
             let of_seed = of_seed.clone();
             row.seeds(&self.seeds).iter().flat_map(move |&seed| of_seed(row, seed))
+        })
+    }
+
+    /// Seconds that some cells, each named by the label of its row, take on the plan's machine, and how many of them are in rows that do not say.
+    pub fn expected_s<'l>(&self, labels: impl Iterator<Item = &'l str>) -> (f64, usize) {
+        labels.fold((0.0, 0), |(seconds, unknown), label| {
+            match self.rows.iter().find(|row| row.label == label).and_then(|row| row.seconds) {
+                Some(more) => (seconds + more, unknown),
+                None => (seconds, unknown + 1),
+            }
         })
     }
 

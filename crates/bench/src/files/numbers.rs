@@ -11,7 +11,7 @@ use std::fmt;
 const LARGEST: f64 = 1e12;
 
 /// Keys that may hold nothing.
-const OPTIONAL: [&str; 3] = ["gaussians", "peak_memory_bytes", "latency"];
+const OPTIONAL: [&str; 4] = ["gaussians", "peak_memory_bytes", "peak_device_memory_bytes", "latency"];
 
 /// Keys whose content is somebody else's: a method's own configuration.
 const FOREIGN: [&str; 2] = ["config", "overrides"];

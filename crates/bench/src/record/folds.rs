@@ -114,6 +114,7 @@ fn joined(folds: &[&Numbers]) -> Numbers {
         folds[0].curve.clone(),
         None,
     )
+    .with_device_memory(folds.iter().filter_map(|numbers| numbers.peak_device_memory_bytes).max())
 }
 
 #[cfg(test)]

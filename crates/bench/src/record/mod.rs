@@ -114,6 +114,9 @@ pub struct Numbers {
     pub gaussians: Option<usize>,
     /// Peak resident memory of the process during the cell, bytes.
     pub peak_memory_bytes: Option<u64>,
+    /// Peak of what buffers took on the GPU during the cell, bytes; none where no GPU was at work.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_device_memory_bytes: Option<u64>,
     /// The columns' numbers by key: means over the held-out frames, or what else the column says.
     pub means: BTreeMap<String, f64>,
     /// Median and 90th percentile of the peak AoA error, degrees, where spectra were predicted.
@@ -374,6 +377,7 @@ impl Numbers {
             seconds,
             gaussians,
             peak_memory_bytes,
+            peak_device_memory_bytes: None,
             means,
             peak_error_median_p90_deg,
             frames,
@@ -403,6 +407,11 @@ impl Numbers {
     pub fn add_earlier(&mut self, earlier_s: f64) {
         self.seconds = self.seconds.map(|seconds| seconds + earlier_s);
         self.curve.iter_mut().for_each(|point| point.seconds += earlier_s);
+    }
+
+    /// Adds the peak of the GPU's memory, bytes.
+    pub fn with_device_memory(self, peak_device_memory_bytes: Option<u64>) -> Self {
+        Self { peak_device_memory_bytes, ..self }
     }
 
     /// Adds the errors of the depths.

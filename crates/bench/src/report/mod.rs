@@ -200,6 +200,13 @@ fn provenance(report: &Report<'_>) -> String {
     if let Some(bytes) = peak.max() {
         lines.push(("peak memory", format!("{:.0} MB, the whole process, largest cell", bytes as f64 / 1e6)));
     }
+    let on_device = report.records.iter().filter_map(|r| match &r.outcome {
+        Outcome::Done(n) => n.peak_device_memory_bytes,
+        Outcome::Failed { .. } => None,
+    });
+    if let Some(bytes) = on_device.max() {
+        lines.push(("peak device memory", format!("{:.0} MB, buffers on the GPU, largest cell", bytes as f64 / 1e6)));
+    }
     let mut out = String::from("<table class=\"facts\">");
     lines.iter().for_each(|(k, v)| out.push_str(&format!("<tr><th scope=\"row\">{k}</th><td>{}</td></tr>", escape(v))));
     out + "</table>"

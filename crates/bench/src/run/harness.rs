@@ -1,5 +1,6 @@
 //! Runs one cell: a method on a dataset with a seed. Keeps the clock and writes the record.
 
+use crate::device;
 use crate::methods::abilities;
 use crate::methods::interface::{Advance, Method, Predictor, StageTime, TrainingSet};
 use crate::methods::registry;
@@ -30,6 +31,8 @@ pub struct Reconstruction {
     pub curve: Vec<CurvePoint>,
     /// Peak resident memory of the process during it, bytes.
     pub peak_memory_bytes: Option<u64>,
+    /// Peak of what buffers took on the GPU during it, bytes; `None` where none was at work.
+    pub peak_device_memory_bytes: Option<u64>,
     /// Processor time of the process during it, seconds: of all threads, with what stands beside the clock (reading files, looking at quality).
     pub processor_s: Option<f64>,
     /// Timing of each keyframe, for methods that work keyframe by keyframe.
@@ -110,6 +113,7 @@ pub fn clocked(
     watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
 ) -> Result<Reconstruction> {
     reset_peak_memory();
+    device::reset_peak_memory();
     let (mut curve, mut keyframes, mut depth) = (Vec::new(), Vec::new(), None);
     let (mut stages, mut resumed_steps) = (Vec::new(), 0);
     let (start, processor_before) = (Instant::now(), processor_s());
@@ -141,7 +145,7 @@ pub fn clocked(
         watch(advance)
     })?;
     let seconds = seconds_but(evaluating);
-    let peak_memory_bytes = peak_memory_bytes();
+    let (peak_memory_bytes, peak_device_memory_bytes) = (peak_memory_bytes(), device::peak_memory_bytes());
     let processor_s = processor_s().zip(processor_before).map(|(after, before)| after - before);
     if let Some(quality) = quality {
         // The finished field, as `corf evaluate` will find it; what was said at the end of the work is of the same moment.
@@ -149,7 +153,18 @@ pub fn clocked(
         curve.retain(|point| point.progress < 1.0);
         curve.push(CurvePoint { seconds, progress: 1.0, gaussians: predictor.gaussians(), held_out });
     }
-    Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes, processor_s, keyframes, depth, stages, resumed_steps })
+    Ok(Reconstruction {
+        predictor,
+        seconds,
+        curve,
+        peak_memory_bytes,
+        peak_device_memory_bytes,
+        processor_s,
+        keyframes,
+        depth,
+        stages,
+        resumed_steps,
+    })
 }
 
 /// The part of a record that its maker has to say: a method, or another program's predictions.
@@ -247,6 +262,7 @@ pub fn run_cell(
             keep(&r)?;
             let latency = LatencySummary::of(&r.keyframes);
             let numbers = Numbers::of(frames, Some(r.seconds), r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency)
+                .with_device_memory(r.peak_device_memory_bytes)
                 .with_depth(r.depth)
                 .with_stages(r.stages);
             numbers.check()?;

@@ -113,6 +113,9 @@ pub struct RunInfo {
     pub gaussians: Option<usize>,
     /// Peak resident memory of the process, bytes.
     pub peak_memory_bytes: Option<u64>,
+    /// Peak of what buffers took on the GPU, bytes; none where no GPU was at work.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_device_memory_bytes: Option<u64>,
     /// Processor time of the process during the reconstruction, seconds: of all threads, reading files included.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_s: Option<f64>,
@@ -183,6 +186,7 @@ impl RunInfo {
             seconds: result.seconds,
             gaussians: result.predictor.gaussians(),
             peak_memory_bytes: result.peak_memory_bytes,
+            peak_device_memory_bytes: result.peak_device_memory_bytes,
             processor_s: result.processor_s,
             curve: result.curve.clone(),
             resumed_keyframes: if online { trained - result.keyframes.len() } else { 0 },

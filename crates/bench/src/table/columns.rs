@@ -26,12 +26,19 @@ pub(super) enum Extra {
     /// Time of the reconstruction.
     Seconds,
     Seeds,
+    /// Peak of the GPU's memory.
+    DeviceMemory,
 }
 
 impl Extra {
     /// All of them by the words that name them.
-    const ALL: [(&'static str, Self); 4] =
-        [("delta", Self::Difference), ("gaussians", Self::Gaussians), ("time", Self::Seconds), ("seeds", Self::Seeds)];
+    const ALL: [(&'static str, Self); 5] = [
+        ("delta", Self::Difference),
+        ("gaussians", Self::Gaussians),
+        ("time", Self::Seconds),
+        ("seeds", Self::Seeds),
+        ("device_memory", Self::DeviceMemory),
+    ];
 
     /// The heading; differences are those of `leading`.
     pub fn heading(self, leading: &Column) -> Cow<'static, str> {
@@ -41,6 +48,7 @@ impl Extra {
             Self::Gaussians => Cow::Borrowed("Gaussians"),
             Self::Seconds => Cow::Borrowed("time, s"),
             Self::Seeds => Cow::Borrowed("seeds"),
+            Self::DeviceMemory => Cow::Borrowed("peak device memory, MB"),
         }
     }
 
@@ -51,6 +59,7 @@ impl Extra {
             Self::Gaussians => "Gaussians of the field",
             Self::Seconds => "time of the reconstruction, s",
             Self::Seeds => "finished seeds",
+            Self::DeviceMemory => "the most that buffers took on the GPU, MB of 10^6 bytes; empty on the processor",
         }
     }
 
@@ -105,7 +114,7 @@ fn of_short() -> Vec<&'static Column> {
 
 /// The columns that these words name, each once: keys of metrics, `short` (the columns of a table that asks for none), `radio` (those that
 /// tell how a spectrum serves a radio), `lpips` (those of VGG-16), `all`; `delta` (the difference to the first row in the metric that leads),
-/// `gaussians`, `time` and `seeds`, which stand behind the metrics and are there as usual where none of them is named. A word with a minus before
+/// `gaussians`, `time`, `seeds` and `device_memory`, which stand behind the metrics and are there as usual where none of them is named. A word with a minus before
 /// it leaves its column out. Without a metric those of `short`.
 ///
 /// # Errors

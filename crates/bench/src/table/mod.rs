@@ -120,6 +120,11 @@ impl Row<'_> {
         self.summary(|n| n.gaussians.map(|g| g as f64))
     }
 
+    /// Peak of what buffers took on the GPU, MB.
+    fn device_memory_mb(&self) -> Option<Summary> {
+        self.summary(|n| n.peak_device_memory_bytes.map(|bytes| bytes as f64 / 1e6))
+    }
+
     /// Reconstruction time, seconds.
     pub fn seconds(&self) -> Option<Summary> {
         self.summary(|n| n.seconds)
@@ -200,6 +205,7 @@ fn short_with<'a>(rows: &'a [Row<'a>], columns: &Columns, usual: &[Extra]) -> Sh
             Extra::Gaussians => TableCell { stated: row.stated, ..TableCell::mean(row.gaussians(), 0) },
             Extra::Seconds => TableCell { stated: row.stated, ..TableCell::mean(row.seconds(), SECONDS_DIGITS) },
             Extra::Seeds => TableCell::count(row.done.len()),
+            Extra::DeviceMemory => TableCell::mean(row.device_memory_mb(), 0),
         });
         let cells = of_metrics.chain(of_extras).zip(&marked).map(|(cell, marks)| TableCell { mark: marks[at], ..cell });
         Line { label: &row.label, failed: !row.failed.is_empty(), cells: cells.collect() }

@@ -30,11 +30,13 @@ pub fn present(records: &[Record]) -> Vec<&'static Column> {
     COLUMNS.iter().filter(has).collect()
 }
 
-/// One line a cell, every metric that any cell has, nothing aggregated; `uses_scene` where there are oracles, `split` where blocks were held out in
+/// One line a cell, every metric that any cell has, nothing aggregated; `peak_device_memory_bytes` where a GPU was at work, `uses_scene` where there are oracles, `split` where blocks were held out in
 /// folds, `device` where cells ran on several.
 pub fn csv(records: &[Record]) -> String {
     let columns = present(records);
     let mut out = String::from("row,method,dataset,dataset_hash,seed,status,seconds,gaussians,peak_memory_bytes");
+    let on_gpu = records.iter().any(|r| matches!(&r.outcome, Outcome::Done(n) if n.peak_device_memory_bytes.is_some()));
+    out.push_str(if on_gpu { ",peak_device_memory_bytes" } else { "" });
     columns.iter().for_each(|c| out.push_str(&format!(",{}", c.key)));
     let oracles = records.iter().any(|r| r.uses_scene);
     let devices = devices::differ(records);
@@ -67,12 +69,15 @@ pub fn csv(records: &[Record]) -> String {
                 let seconds = n.seconds.map_or(String::new(), |s| format!("{s:.3}"));
                 let gaussians = optional(n.gaussians.map(|g| g as u64));
                 let _ = write!(out, ",done,{seconds},{gaussians},{}", optional(n.peak_memory_bytes));
+                if on_gpu {
+                    let _ = write!(out, ",{}", optional(n.peak_device_memory_bytes));
+                }
                 let value = |c: &Column| n.value(c).map_or(String::new(), |v| format!("{v:.6}"));
                 columns.iter().for_each(|c| out.push_str(&format!(",{}", value(c))));
                 let _ = writeln!(out, ",{}{facts},", r.uses_ground_truth_depth);
             }
             Outcome::Failed { error } => {
-                let commas = ",".repeat(columns.len());
+                let commas = ",".repeat(columns.len() + usize::from(on_gpu));
                 let _ = writeln!(out, ",failed,,,{commas},{}{facts},{}", r.uses_ground_truth_depth, escape::csv(error));
             }
         }
@@ -91,6 +96,7 @@ fn latex_headings(columns: &Columns) -> Vec<String> {
         Extra::Gaussians => "Gaussians".to_owned(),
         Extra::Seconds => "Time (s)".to_owned(),
         Extra::Seeds => "Seeds".to_owned(),
+        Extra::DeviceMemory => "Memory (MB)".to_owned(),
     };
     let of_metrics = columns.metrics.iter().map(|c| c.latex.to_owned());
     of_metrics.chain(columns.extras(NARROW).into_iter().map(of_extra)).collect()

@@ -14,6 +14,7 @@ fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
         seconds: Some(2.0),
         gaussians: Some(10),
         peak_memory_bytes: None,
+        peak_device_memory_bytes: None,
         means,
         peak_error_median_p90_deg: None,
         frames: vec![],

@@ -224,7 +224,7 @@ fn left_s(state: &State, seconds: f64) -> Option<f64> {
 }
 
 /// A span of time as people say it: `8 s`, `4 min`, `1 h 20 min`.
-fn duration(seconds: f64) -> String {
+pub fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 9.95 => format!("{s:.1} s"),
         s if s < 119.5 => format!("{s:.0} s"),

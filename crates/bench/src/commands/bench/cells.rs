@@ -4,7 +4,7 @@ use super::super::{Verdict, show};
 use crate::comparison::{archive, suite};
 use crate::device::DeviceChoice;
 use crate::experiment::cells;
-use crate::experiment::cluster::{Planned, local, slurm};
+use crate::experiment::cluster::{CellList, Planned, local, slurm};
 use crate::experiment::plan::Plan;
 use crate::files::separation::{Reads, keep_apart};
 use crate::metrics::input::Verify;
@@ -12,12 +12,15 @@ use crate::metrics::lpips::LpipsOption;
 use crate::note;
 use crate::record::{Outcome, Record};
 use crate::run::{claim_fresh, claim_output, claim_shared};
+use crate::terminal::progress::duration;
 use anyhow::Result;
 use clap::Args;
 use corf_scene::Error;
 use corf_scene::words::counted;
+use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// `corf bench plan`.
 #[derive(Args)]
@@ -34,6 +37,19 @@ pub struct PlanCommand {
     verify: Verify,
     #[command(flatten)]
     lpips: LpipsOption,
+}
+
+/// What `corf bench plan` says: the list, and what is still to be done.
+#[derive(Serialize)]
+struct Forecast<'a> {
+    #[serde(flatten)]
+    list: &'a CellList,
+    /// Cells to run.
+    to_run: usize,
+    /// Seconds that those take whose rows say `seconds`, …
+    expected_s: f64,
+    /// … and how many cells are in rows that do not.
+    without_seconds: usize,
 }
 
 /// `corf bench cell`.
@@ -63,6 +79,10 @@ pub struct Submit {
     /// or the threads of --threads where these are fewer.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     local: Option<u16>,
+    /// With --local: time after which no cell begins and those at work are ended, seconds. Cells with a checkpoint go on from it and others begin
+    /// anew when the same command is given again; exit code 1 says that some are left.
+    #[arg(long, requires = "local", value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..))]
+    stop_after_s: Option<u64>,
     /// With --slurm: largest number of cells that run at once.
     #[arg(long, requires = "slurm", value_parser = clap::value_parser!(u32).range(1..))]
     at_once: Option<u32>,
@@ -105,15 +125,33 @@ impl PlanCommand {
         cells::check_rows(&plan, &input.dataset)?;
         let _held = claim_output(&self.out, self.resume)?;
         let planned = Planned::write(&plan, &input, self.lpips.absolute()?, &self.out)?;
-        let unfinished = planned.unfinished()?.len();
+        let unfinished = planned.unfinished()?;
+        let (to_run, (expected_s, without_seconds)) =
+            (unfinished.len(), plan.expected_s(unfinished.iter().map(|cell| cell.row.as_str())));
         let lines: Vec<String> = planned
             .list
             .cells
             .iter()
             .map(|cell| format!("{}  {}, seed {}, {}", cell.id, cell.row, cell.seed, cell.split.name()))
             .collect();
-        let text = format!("{}\n{}, {unfinished} to run", lines.join("\n"), counted(lines.len(), "cell"));
-        show(as_json, &planned.list, &text)?;
+        let time = match (to_run, without_seconds) {
+            (0, _) => String::new(),
+            (to_run, unknown) if to_run == unknown => {
+                "; how long they take is not known: no row of the plan says `seconds`".to_owned()
+            }
+            (_, unknown) => {
+                let machine = plan.machine.as_deref().unwrap_or("a machine that the plan does not name");
+                let others = if unknown == 0 {
+                    String::new()
+                } else {
+                    format!(" and what {} without `seconds` take", counted(unknown, "cell"))
+                };
+                format!("; {} one after another on {machine}{others}", duration(expected_s))
+            }
+        };
+        let text = format!("{}\n{}, {to_run} to run{time}", lines.join("\n"), counted(lines.len(), "cell"));
+        let forecast = Forecast { list: &planned.list, to_run, expected_s, without_seconds };
+        show(as_json, &forecast, &text)?;
         Ok(Verdict::Done)
     }
 }
@@ -149,7 +187,14 @@ impl Submit {
     pub fn run(self, as_json: bool) -> Result<Verdict> {
         let planned = Planned::read(&self.folder)?;
         if let Some(at_once) = self.local {
-            let failed = local::run(&planned, at_once.into(), self.device, !self.verify.wanted())?;
+            let stop_after = self.stop_after_s.map(Duration::from_secs);
+            let failed = local::run(&planned, at_once.into(), self.device, !self.verify.wanted(), stop_after)?;
+            let left = planned.unfinished()?.len();
+            if stop_after.is_some() && left > 0 {
+                let text = format!("{} of {} left: the same command goes on", left, counted(planned.list.cells.len(), "cell"));
+                show(as_json, &json!({ "cells": planned.list.cells.len(), "left": left }), &text)?;
+                return Ok(Verdict::CheckFailed);
+            }
             let collected = Collect::of(self.folder, self.verify).run(as_json)?;
             return Ok(if failed > 0 { Verdict::CheckFailed } else { collected });
         }

@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use std::fs::File;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Interval between looks at the processes.
 const POLL: Duration = Duration::from_millis(50);
@@ -30,11 +30,18 @@ fn device_of(device: DeviceChoice, worker: usize, gpus: usize) -> DeviceChoice {
 }
 
 /// Runs every unfinished cell, `at_once` processes at a time, each with the threads that were asked for, but no more than its share of the cores;
-/// their messages go to `OUT/logs/ID.log`. Returns how many ended badly.
+/// their messages go to `OUT/logs/ID.log`. After the time `stop_after` none begins and those at work are ended, which is nothing bad. Returns how
+/// many ended badly.
 ///
 /// # Errors
 /// A process that cannot be started, or an interrupt, after which all processes have ended and finished cells stay.
-pub fn run(planned: &Planned, at_once: usize, device: DeviceChoice, no_verify: bool) -> Result<usize> {
+pub fn run(
+    planned: &Planned,
+    at_once: usize,
+    device: DeviceChoice,
+    no_verify: bool,
+    stop_after: Option<Duration>,
+) -> Result<usize> {
     // A name that begins like an option is none behind its folder.
     let out = std::path::absolute(&planned.out)?;
     let logs = out.join("logs");
@@ -48,11 +55,16 @@ pub fn run(planned: &Planned, at_once: usize, device: DeviceChoice, no_verify: b
     let mut free: Vec<usize> = (0..at_once).rev().collect();
     let mut running: Vec<Running> = Vec::new();
     let (mut done, mut failed) = (0, 0);
+    let begun = Instant::now();
     let mut progress = Progress::start("cells", total, "cells");
     loop {
         if let Err(interrupted) = interrupt::check() {
             running.iter_mut().for_each(|cell| end(&mut cell.process));
             return Err(interrupted);
+        }
+        if stop_after.is_some_and(|limit| begun.elapsed() >= limit) {
+            running.iter_mut().for_each(|cell| end(&mut cell.process));
+            break;
         }
         while let Some(worker) = free.pop() {
             let Some(id) = waiting.next() else { break };
