@@ -63,7 +63,8 @@ pub struct PlanRow {
     /// Number of seeds that the row is run with, the first of the plan's: for a row that is too slow for all of them. Default: all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seeds: Option<usize>,
-    /// Seconds that a cell of this row takes on the plan's `machine`, evaluation included, as measured before: `corf bench plan` adds them up.
+    /// Seconds that a cell of this row is reconstructed in on the plan's `machine`, as records have them; `corf bench plan` adds them up. Evaluation
+    /// comes on top.
     /// Default: not known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
