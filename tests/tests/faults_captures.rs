@@ -1,6 +1,6 @@
-//! Captures of others as their files mean them: frames of poses, intrinsics by axis, transparency, files of one name, rounded rotations.
+//! Captures of others as their files mean them: frames of poses, intrinsics by axis, files of one name, rounded rotations.
 
-use crate::common::{copy_folder, corf, corf_ok, corf_refuses, shared, text, tiny_dataset};
+use crate::common::{copy_folder, corf, corf_ok, corf_refuses, shared, text};
 use corf_scene::dataset::{Dataset, stem};
 use corf_scene::{Light, Pinhole, Raster, Rigid3, Similarity3, io};
 use glam::{DQuat, DVec3};
@@ -8,19 +8,19 @@ use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-fn fault(name: &str) -> Option<PathBuf> {
+pub fn fault(name: &str) -> Option<PathBuf> {
     shared(&format!("faults3/{name}"))
 }
 
 /// Imports, and returns the data set and what was said.
-fn import(capture: &Path, from: &str, more: &[&str], out: &Path) -> (Dataset, String) {
+pub fn import(capture: &Path, from: &str, more: &[&str], out: &Path) -> (Dataset, String) {
     let output = corf(&[&["dataset", "import", text(capture), "--from", from, "--out", text(out)], more].concat());
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(0), "{from} {more:?}\n{said}");
     (Dataset::open(out).unwrap(), said)
 }
 
-fn refuses(capture: &Path, from: &str, more: &[&str], words: &[&str]) {
+pub fn refuses(capture: &Path, from: &str, more: &[&str], words: &[&str]) {
     let scratch = tempfile::tempdir().unwrap();
     let out = scratch.path().join("refused");
     corf_refuses(&[&["dataset", "import", text(capture), "--from", from, "--out", text(&out)], more].concat(), words);
@@ -28,10 +28,10 @@ fn refuses(capture: &Path, from: &str, more: &[&str], words: &[&str]) {
 }
 
 /// Size of the images of captures that are written here.
-const SIZE: [usize; 2] = [16, 12];
+pub const SIZE: [usize; 2] = [16, 12];
 
 /// Five places on an arc that look at one point, in the frame of a capture.
-fn places() -> Vec<Rigid3> {
+pub fn places() -> Vec<Rigid3> {
     let place = |i: usize| {
         let angle = 0.4 * i as f64;
         Rigid3::looking_at(DVec3::new(2.0 * angle.cos(), 0.3 * i as f64, 2.0 * angle.sin()), DVec3::ZERO, DVec3::NEG_Y)
@@ -40,16 +40,16 @@ fn places() -> Vec<Rigid3> {
 }
 
 /// A picture that no other place has.
-fn picture(i: usize) -> Raster<[u8; 3]> {
+pub fn picture(i: usize) -> Raster<[u8; 3]> {
     Raster::from_fn(SIZE[0], SIZE[1], |x, y| [(40 * i + 5 * x) as u8, (9 * y) as u8, 30 + (i * i) as u8])
 }
 
-fn opengl(pose: &Rigid3) -> Value {
+pub fn opengl(pose: &Rigid3) -> Value {
     json!(pose.to_rows().map(|[a, b, c, d]| [a, -b, -c, d]))
 }
 
 /// A `transforms.json` of places and pictures, `name(i)` being what the file calls them.
-fn transforms(folder: &Path, poses: &[Value], name: impl Fn(usize) -> String) {
+pub fn transforms(folder: &Path, poses: &[Value], name: impl Fn(usize) -> String) {
     let frame = |(i, pose): (usize, &Value)| {
         let path = folder.join(name(i));
         fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -62,7 +62,7 @@ fn transforms(folder: &Path, poses: &[Value], name: impl Fn(usize) -> String) {
 }
 
 /// A COLMAP model in text of images and what their lines say of the rotation, w x y z.
-fn colmap(folder: &Path, images: &[(&str, [f64; 4])]) {
+pub fn colmap(folder: &Path, images: &[(&str, [f64; 4])]) {
     let model = folder.join("sparse/0");
     fs::create_dir_all(&model).unwrap();
     fs::write(model.join("cameras.txt"), format!("1 PINHOLE {} {} 14 14 8 6\n", SIZE[0], SIZE[1])).unwrap();
@@ -192,7 +192,7 @@ fn the_trajectory_of_a_plain_capture_is_in_its_frame() {
 }
 
 /// A capture in the plain layout; `rows` writes a pose.
-fn plain(folder: &Path, rows: impl Fn(&Rigid3) -> Value) {
+pub fn plain(folder: &Path, rows: impl Fn(&Rigid3) -> Value) {
     fs::create_dir_all(folder.join("images")).unwrap();
     let keyframe = |(i, pose): (usize, &Rigid3)| {
         io::write_png(folder.join(format!("images/{i}.png")), &picture(i)).unwrap();
@@ -292,153 +292,6 @@ fn intrinsics_that_contradict_or_mean_nothing_are_said_or_refused() {
         with(file, frame);
         refuses(&at("capture"), "nerfstudio", &[], &words);
     }
-}
-
-/// Columns of a mask in which no pixel counts; the others count whole.
-fn columns_left_out(mask: &Raster<bool>) -> usize {
-    let column = |x: usize| (0..mask.height()).filter(|y| !mask[(x, *y)]).count();
-    let columns: Vec<usize> = (0..mask.width()).map(column).collect();
-    assert!(columns.iter().all(|n| *n == 0 || *n == mask.height()), "{columns:?}");
-    columns.iter().filter(|n| **n > 0).count()
-}
-
-#[test]
-#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
-fn transparent_pixels_and_those_of_masks_in_alpha_do_not_count() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = |name: &str| folder.path().join(name);
-    let Some(capture) = fault("alpha/image-cut-out") else { return };
-    let (dataset, said) = import(&capture, "nerfstudio", &[], &at("cut"));
-    assert!(said.contains("4 of 4 images have transparent pixels") && said.contains("do not count"), "{said}");
-    for i in 0..dataset.len() {
-        let light = dataset.keyframe(i).unwrap().light.unwrap();
-        // What is below the transparent pixels is painted in a colour of its own.
-        assert_eq!(light.mask.unwrap(), light.image.map(|p| *p != [255, 0, 255]), "{i}");
-    }
-    assert!(corf_ok(&["dataset", "validate", text(&at("cut"))]).contains("passed"));
-    let (dataset, said) = import(&capture, "nerfstudio", &["--ignore-masks"], &at("whole"));
-    assert!(!dataset.has_masks() && said.contains("transparency of 4 of 4 images was left out"), "{said}");
-
-    let Some(capture) = fault("alpha/mask-in-alpha-of-white") else { return };
-    let masks = capture.join("masks");
-    let (dataset, said) = import(&capture, "nerfstudio", &["--masks", text(&masks)], &at("masked"));
-    assert!(said.contains("30.0 % of the pixels"), "{said}");
-    for i in 0..dataset.len() {
-        assert_eq!(columns_left_out(&dataset.keyframe(i).unwrap().light.unwrap().mask.unwrap()), 12);
-    }
-}
-
-/// Which pixels of an image are made transparent here.
-fn counts(i: usize) -> Raster<bool> {
-    Raster::from_fn(SIZE[0], SIZE[1], |x, _| x >= 2 + i % 3)
-}
-
-/// An image of a place that is transparent where it does not count, with alpha of 8 or 16 bits, in colour or grey.
-fn cut_out(i: usize, path: &Path) {
-    let (image, counts) = (picture(i), counts(i));
-    let pixel = |x: u32, y: u32| (image[(x as usize, y as usize)], counts[(x as usize, y as usize)]);
-    let (w, h) = (SIZE[0] as u32, SIZE[1] as u32);
-    let wide = |v: u8| u16::from(v) * 257;
-    let image = match i % 3 {
-        // What is half transparent does not count either.
-        0 => image::DynamicImage::ImageRgba8(image::RgbaImage::from_fn(w, h, |x, y| {
-            let ([r, g, b], counts) = pixel(x, y);
-            image::Rgba([r, g, b, if counts { 255 } else { 128 }])
-        })),
-        1 => image::DynamicImage::ImageRgba16(image::ImageBuffer::from_fn(w, h, |x, y| {
-            let ([r, g, b], counts) = pixel(x, y);
-            // In eight bits as opaque as the others.
-            image::Rgba([wide(r), wide(g), wide(b), if counts { u16::MAX } else { u16::MAX - 1 }])
-        })),
-        _ => image::DynamicImage::ImageLumaA8(image::ImageBuffer::from_fn(w, h, |x, y| {
-            let ([_, g, _], counts) = pixel(x, y);
-            image::LumaA([g, if counts { 255 } else { 0 }])
-        })),
-    };
-    image.save_with_format(path, image::ImageFormat::Png).unwrap();
-}
-
-#[test]
-fn transparency_is_seen_in_every_layout() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = |name: &str| folder.path().join(name);
-    plain(&at("corf-folder"), |pose| json!(pose.to_rows()));
-    let poses: Vec<Value> = places().iter().map(opengl).collect();
-    transforms(&at("nerfstudio"), &poses, |i| format!("images/{i}.png"));
-    let one = [1.0, 0.0, 0.0, 0.0];
-    colmap(&at("colmap"), &["0.png", "1.png", "2.png", "3.png", "4.png"].map(|n| (n, one)));
-    for layout in ["corf-folder", "nerfstudio", "colmap"] {
-        (0..5).for_each(|i| cut_out(i, &at(layout).join(format!("images/{i}.png"))));
-        let (dataset, said) = import(&at(layout), layout, &[], &at(&format!("{layout}-ds")));
-        assert!(said.contains("5 of 5 images have transparent pixels"), "{layout}: {said}");
-        assert!((0..5).all(|i| dataset.keyframe(i).unwrap().light.unwrap().mask == Some(counts(i))), "{layout}");
-    }
-    // A mask and transparency leave out what either does.
-    fs::create_dir(at("masks")).unwrap();
-    let upper = Raster::from_fn(SIZE[0], SIZE[1], |_, y| y > 3);
-    fs::write(at("masks/1.png"), io::encode_mask(&upper).unwrap()).unwrap();
-    fs::write(at("masks/9.png"), io::encode_mask(&upper).unwrap()).unwrap();
-    let (dataset, said) = import(&at("colmap"), "colmap", &["--masks", text(&at("masks"))], &at("both"));
-    let both = Raster::from_fn(SIZE[0], SIZE[1], |x, y| upper[(x, y)] && counts(1)[(x, y)]);
-    assert!(
-        dataset.keyframe(1).unwrap().light.unwrap().mask == Some(both)
-            && dataset.keyframe(2).unwrap().light.unwrap().mask == Some(counts(2))
-    );
-    assert!(said.contains("1 mask belongs to no image"), "{said}");
-    // Nothing left, and a mask of which nothing can be known.
-    let glass = io::encode_cut_out(&picture(2), &Raster::filled(SIZE[0], SIZE[1], false)).unwrap();
-    fs::write(at("colmap/images/2.png"), glass).unwrap();
-    refuses(&at("colmap"), "colmap", &[], &["2.png", "none of its pixels is opaque", "--ignore-masks"]);
-    io::write_png(at("colmap/images/2.png"), &picture(2)).unwrap();
-    let black = Raster::filled(SIZE[0], SIZE[1], [0; 3]);
-    fs::write(at("masks/1.png"), io::encode_cut_out(&black, &upper).unwrap()).unwrap();
-    refuses(&at("colmap"), "colmap", &["--masks", text(&at("masks"))], &["1.png", "black or transparent"]);
-    // White masks leave nothing out, which is said.
-    plain(&at("opaque"), |pose| json!(pose.to_rows()));
-    fs::write(at("masks/1.png"), io::encode_mask(&Raster::filled(SIZE[0], SIZE[1], true)).unwrap()).unwrap();
-    let (_, said) = import(&at("opaque"), "corf-folder", &["--masks", text(&at("masks"))], &at("white"));
-    assert!(said.contains("1 mask leaves no pixel out"), "{said}");
-    // A channel that is opaque everywhere makes no mask.
-    let opaque = io::encode_cut_out(&picture(0), &Raster::filled(SIZE[0], SIZE[1], true)).unwrap();
-    fs::write(at("opaque/images/0.png"), opaque).unwrap();
-    assert!(!import(&at("opaque"), "corf-folder", &[], &at("no-masks")).0.has_masks());
-}
-
-#[test]
-fn transparency_passes_through_live_folders_and_spectra_have_none() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = |name: &str| folder.path().join(name);
-    // The tiny data set as a capture, of which two images have a hole.
-    let ours = Dataset::open(tiny_dataset()).unwrap();
-    for below in ["images", "sparse"] {
-        copy_folder(&tiny_dataset().join("optical").join(below), &at("capture").join(below));
-    }
-    let counts = |i: usize| Raster::from_fn(96, 54, |x, y| x > 5 + i || y > 20);
-    let holes = [1, 4];
-    for i in holes {
-        let bytes = io::encode_cut_out(&ours.keyframe(i).unwrap().light.unwrap().image, &counts(i)).unwrap();
-        fs::write(at("capture").join(format!("images/{}.png", stem(i))), bytes).unwrap();
-    }
-    let radio = text(&tiny_dataset().join("rf/spectra")).to_owned();
-    import(&at("capture"), "colmap", &["--rf", &radio, "--rf-camera", "90"], &at("ds"));
-    corf_ok(&["dataset", "play", text(&at("ds")), "--to", text(&at("live")), "--rate", "1000"]);
-    let (live, run) = (at("live"), at("run"));
-    let few = ["--set", "iterations_per_keyframe=1", "--device", "cpu"];
-    let output = corf(&[&["reconstruct", "--follow", text(&live), "--out", text(&run)], &few[..]].concat());
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success() && said.matches("transparent pixels are neither").count() == 1, "{said}");
-    let recorded = Dataset::open(run.join("dataset")).unwrap();
-    for i in 0..ours.len() {
-        assert_eq!(recorded.keyframe(i).unwrap().light.unwrap().mask, holes.contains(&i).then(|| counts(i)), "{i}");
-    }
-    assert!(corf_ok(&["dataset", "validate", text(&run.join("dataset"))]).contains("passed"));
-    // A spectrum's picture with transparent pixels has values that nobody knows.
-    let grey = io::encode_cut_out(&Raster::filled(8, 6, [90; 3]), &Raster::from_fn(8, 6, |x, _| x > 0)).unwrap();
-    fs::create_dir(at("pictures")).unwrap();
-    (0..ours.len()).for_each(|i| fs::write(at("pictures").join(format!("{}.png", stem(i))), &grey).unwrap());
-    let pictures = text(&at("pictures")).to_owned();
-    let flags = ["--rf", &pictures, "--rf-camera", "60", "--rf-db=-110,-40"];
-    refuses(&at("capture"), "colmap", &flags, &["00001.png", "pixel (0, 0) is transparent"]);
 }
 
 #[test]

@@ -37,6 +37,7 @@ mod faults_paths;
 mod faults_records;
 mod faults_scenes;
 mod faults_server;
+mod faults_transparency;
 mod faults_units;
 mod fields;
 mod figures;
@@ -63,6 +64,7 @@ mod network_traces;
 mod predictions;
 #[cfg(feature = "slow")]
 mod protocols;
+mod public_names;
 mod publish;
 mod questions;
 #[cfg(feature = "slow")]
