@@ -336,6 +336,7 @@ impl CorfGs {
         );
         // Keyframes whose last steps waited for another, or that were still collected, have ended now.
         let depth = reconstructor.depth_quality();
+        let training_times = reconstructor.take_training_times()?;
         let mut ended = reconstructor.timings()[reported..].iter();
         let keyframe = ended.next_back();
         for timing in ended {
@@ -346,6 +347,7 @@ impl CorfGs {
             keyframe,
             depth,
             stages: &stages,
+            training_times: training_times.as_ref(),
             ..Advance::of(total, total)
         })?;
         let field = FieldPredictor::learnt(reconstructor.field()?, self.config.raster, &self.backend)?;

@@ -59,16 +59,22 @@ impl Reconstructor {
     /// Expands the field with one keyframe and adds it to the buffer of the schedule.
     pub(super) fn expand(&mut self, mut keyframe: Prepared) -> Result<Expansion> {
         let view = View { camera: self.meta.light_camera, world_from_camera: keyframe.training.world_from_camera };
+        let begin = Instant::now();
         let (seen, judged) = self.survey(view, &mut keyframe)?;
+        let surveyed = Instant::now();
         let late = self.online_steps(self.config.overlapped_iterations());
         let trained = if late.is_empty() { None } else { self.device.begin_training(&late)? };
         let (change, mut expansion) = self.decide(view, &mut keyframe, &seen, &judged)?;
+        let decided = Instant::now();
         let trained = if trained.is_some() { trained } else { self.device.end_training()? };
+        let joining = Instant::now();
         expansion.late = trained.map(|last| Late { steps: late.len(), last, ended: Instant::now() });
         if let Some(truth) = &keyframe.truth_m {
             self.depth_tally.add(expansion.sampled, expansion.dropped, &change.samples, truth);
         }
         self.join(keyframe, &change)?;
+        let spent = [surveyed - begin, decided - surveyed, joining.elapsed()];
+        self.expanding_s.iter_mut().zip(spent).for_each(|(sum, time)| *sum += time.as_secs_f64());
         Ok(expansion)
     }
 

@@ -9,8 +9,6 @@ use crate::simd::{Kernel, Lanes};
 
 /// Pixels per tile.
 pub(crate) const AREA: usize = TILE_WIDTH * TILE_HEIGHT;
-/// A pixel ends when less than this remains.
-const MIN_TRANSMITTANCE: f32 = 1e-4;
 /// No Gaussian hides more than this.
 const MAX_ALPHA: f32 = 0.999;
 /// Number of Gaussians blended between two checks for early termination of the tile's pixels.
@@ -50,6 +48,8 @@ pub(crate) struct Tile<'a> {
     pub height: usize,
     pub list: &'a [u32],
     pub splats: &'a [Splat],
+    /// A pixel ends when less than this remains.
+    pub least_transmittance: f32,
 }
 
 impl Tile<'_> {
@@ -88,8 +88,7 @@ fn grouped<L: Lanes>(pixels: &[f32; AREA]) -> [L; GROUPS] {
 
 /// Whether a pixel is left that has not ended.
 #[inline(always)]
-fn any_open<L: Lanes>(t: &[L; GROUPS]) -> bool {
-    let still = L::splat(MIN_TRANSMITTANCE);
+fn any_open<L: Lanes>(t: &[L; GROUPS], still: L) -> bool {
     t.iter().take(AREA / L::WIDTH).any(|t| L::any(t.ge(still)))
 }
 
@@ -161,7 +160,7 @@ impl<const C: usize, const DEPTH: bool> Kernel for Forward<'_, C, DEPTH> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let (zero, most, still) = (L::splat(0.0), L::splat(MAX_ALPHA), L::splat(MIN_TRANSMITTANCE));
+        let (zero, most, still) = (L::splat(0.0), L::splat(MAX_ALPHA), L::splat(self.tile.least_transmittance));
         let mut t = self.tile.initial_transmittance::<L>();
         let mut color = [[zero; GROUPS]; C];
         let mut depth = [zero; GROUPS];
@@ -188,7 +187,7 @@ impl<const C: usize, const DEPTH: bool> Kernel for Forward<'_, C, DEPTH> {
                     }
                 }
             }
-            if !any_open(&t) {
+            if !any_open(&t, still) {
                 break;
             }
         }
@@ -269,7 +268,7 @@ impl<const C: usize, const DEPTH: bool> Kernel for Backward<'_, C, DEPTH> {
         }
         let mut behind = grouped::<L>(&behind);
         let mut t = self.tile.initial_transmittance::<L>();
-        let (still, zero, one) = (L::splat(MIN_TRANSMITTANCE), L::splat(0.0), L::splat(1.0));
+        let (still, zero, one) = (L::splat(self.tile.least_transmittance), L::splat(0.0), L::splat(1.0));
         let most = L::splat(MAX_ALPHA);
         let mut done = 0;
         for batch in self.tile.list.chunks(BATCH) {
@@ -324,7 +323,7 @@ impl<const C: usize, const DEPTH: bool> Kernel for Backward<'_, C, DEPTH> {
                 record[OPACITY] = -record[OPACITY] / s.opacity;
                 done += 1;
             }
-            if !any_open(&t) {
+            if !any_open(&t, still) {
                 break;
             }
         }
@@ -344,7 +343,7 @@ impl Kernel for MainContributor<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let (zero, still) = (L::splat(0.0), L::splat(MIN_TRANSMITTANCE));
+        let (zero, still) = (L::splat(0.0), L::splat(self.tile.least_transmittance));
         let mut t = self.tile.initial_transmittance::<L>();
         let mut best = [zero; GROUPS];
         // Names travel through lanes as the bits of an f32; they are only selected, never computed with.

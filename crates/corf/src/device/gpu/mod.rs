@@ -10,6 +10,7 @@
 //! Between adapters, and against the CPU device, results differ by rounding (exp2, sqrt and division are not correctly rounded).
 
 mod capacity;
+mod clock;
 pub mod deformed;
 mod dense;
 mod density;
@@ -34,9 +35,10 @@ mod work;
 
 use super::{
     DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient,
-    Step, StepReport, Survey, SurveyRequest, TrainingView, ViewId, check_channels,
+    Step, StepReport, Survey, SurveyRequest, TrainingTimes, TrainingView, ViewId, check_channels,
 };
 use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result, depth::Matcher};
+use clock::Clock;
 use corf_gpu::{AdapterOptions, Context, Reading, Scratch};
 use deformed::StandIns;
 use frame::{Forward, Memory};
@@ -77,7 +79,7 @@ pub struct GpuDevice {
     dense_steps: u32,
     /// Gaussians that stand in the place of those held; made when there are some.
     stand_ins: Option<StandIns>,
-    times: GpuStageTimes,
+    clock: Clock,
     timing: bool,
     last: Counts,
     /// Error of steps that were begun and came to nothing: what is held is not what was asked for, and every call from then on says so.
@@ -106,7 +108,7 @@ impl GpuDevice {
         store.append(&context, initial)?;
         let (batch, harmonics) = (options.batch, store.harmonics);
         let shuffles = context.subgroups.is_some_and(|(min, _)| min >= batch);
-        let fixed = |tile: &[u32; 2]| Fixed { antialias: raster.antialias, harmonics, tile: *tile, batch, shuffles };
+        let fixed = |tile: &[u32; 2]| Fixed { raster, harmonics, tile: *tile, batch, shuffles };
         let shapes: Vec<Fixed> = options.tiles().iter().map(fixed).collect();
         let (forward, (training, surveyor)) = rayon::join(
             || Forward::new(&context, &shapes, options.segments),
@@ -135,7 +137,7 @@ impl GpuDevice {
             surveyor,
             memory,
             keyframe_cache: KeyframeCache::new(options.keyframe_bytes),
-            times: GpuStageTimes::default(),
+            clock: Clock::default(),
             last: Counts::default(),
             failed: None,
             begun: None,
@@ -178,17 +180,17 @@ impl Device for GpuDevice {
     fn upload(&mut self, view: &TrainingView, levels: u32) -> Result<ViewId> {
         self.ready()?;
         check_channels(view, self.store.harmonics.map(|h| h.channels))?;
-        let packed = Packed::new(view, levels, self.raster.antialias)?;
+        let packed = Packed::new(view, levels, &self.raster)?;
         Ok(ViewId(self.keyframe_cache.push(StoredView::new(packed, &self.context, &self.keyframe_cache.budget)?)))
     }
 
     fn packer(&self) -> Option<Packer> {
-        let (antialias, channels) = (self.raster.antialias, self.store.harmonics.map(|h| h.channels));
+        let (raster, channels) = (self.raster, self.store.harmonics.map(|h| h.channels));
         let (context, budget) = (self.context.clone(), self.keyframe_cache.budget.clone());
         Some(Arc::new(move |view, levels| {
             check_channels(view, channels)?;
             // On its way before it is asked for, if there is room: only its number is left to be given.
-            Ok(PackedView::new(StoredView::new(Packed::new(view, levels, antialias)?, &context, &budget)?))
+            Ok(PackedView::new(StoredView::new(Packed::new(view, levels, &raster)?, &context, &budget)?))
         }))
     }
 
@@ -232,6 +234,11 @@ impl Device for GpuDevice {
         self.ready()?;
         self.marked = None;
         self.store.restore(&self.context, state)
+    }
+
+    fn take_training_times(&mut self) -> Result<Option<TrainingTimes>> {
+        self.ready()?;
+        self.take_times()
     }
 
     fn len(&self) -> usize {
