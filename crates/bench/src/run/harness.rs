@@ -153,7 +153,18 @@ pub fn clocked(
         curve.retain(|point| point.progress < 1.0);
         curve.push(CurvePoint { seconds, progress: 1.0, gaussians: predictor.gaussians(), held_out });
     }
-    Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes, processor_s, keyframes, depth, stages, training_times, resumed_steps })
+    Ok(Reconstruction {
+        predictor,
+        seconds,
+        curve,
+        peak_memory_bytes,
+        processor_s,
+        keyframes,
+        depth,
+        stages,
+        training_times,
+        resumed_steps,
+    })
 }
 
 /// The part of a record that its maker has to say: a method, or another program's predictions.

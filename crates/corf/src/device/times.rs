@@ -56,12 +56,8 @@ impl TrainingTimes {
             self.visible as f64 / batches,
             self.pairs as f64 / batches
         );
-        let own = [
-            ("kernels", on_device),
-            ("starved", self.starved_s),
-            ("recording", self.recording_s),
-            ("waiting", self.waiting_s),
-        ];
+        let own =
+            [("kernels", on_device), ("starved", self.starved_s), ("recording", self.recording_s), ("waiting", self.waiting_s)];
         for (name, seconds) in own.into_iter().chain(self.host.iter().map(|(name, s)| (name.as_str(), *s))) {
             let _ = write!(text, "  {name} {:.2}", 1e3 * seconds / batches);
         }

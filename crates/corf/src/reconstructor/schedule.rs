@@ -252,8 +252,7 @@ mod tests {
 
     #[test]
     fn visits_without_light_train_the_spectrum_on_the_geometry_as_it_is() {
-        let config =
-            ReconstructionConfig { light_share: 0.5, finest_share: Some(0.25), ..ReconstructionConfig::default() };
+        let config = ReconstructionConfig { light_share: 0.5, finest_share: Some(0.25), ..ReconstructionConfig::default() };
         let mut schedule = schedule(1, 1);
         let steps = schedule.online(90, 0.2, JOINT, &config);
         let with_light: Vec<&Step> = steps.iter().filter(|s| s.light_weight > 0.0).collect();

@@ -139,6 +139,7 @@ impl Reconstruct {
             backend: self.backend()?,
         };
         let info = live.run()?;
+        self.say_untimed(&info);
         let text = info.live.as_ref().map_or(String::new(), |live| format!("\n{}", live.summary()));
         show(json, &info, &(summary(&info) + &text + &ending(&self.out, &info)))?;
         Ok(Verdict::Done)
@@ -157,6 +158,13 @@ impl Reconstruct {
             methods::registry::that(|can| can.follows)
         );
         backend.timing_kernels()
+    }
+
+    /// Says where times were asked for and there are none.
+    fn say_untimed(&self, info: &RunInfo) {
+        if self.time_kernels && info.training_times.is_none() {
+            note!("--time-kernels: {} took no times: its adapter has no timestamps, or its steps are not corf-gs's", info.method);
+        }
     }
 
     /// The overrides of file and command line as one table.
@@ -309,6 +317,7 @@ impl Reconstruct {
             picture.look(&truth, predicted.halves())?;
             picture.write()?;
         }
+        self.say_untimed(&info);
         show(json, &info, &(summary(&info) + &ending(&self.out, &info)))?;
         if let Some(watching) = watching {
             // What is shown at the end is what was written.

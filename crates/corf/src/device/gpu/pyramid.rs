@@ -360,7 +360,7 @@ mod tests {
                 inverse_depth,
                 mask,
             };
-            let Packed { pyramid, words } = Packed::new(&view, 6, Antialias::On).unwrap();
+            let Packed { pyramid, words } = Packed::new(&view, 6, &RasterConfig::default()).unwrap();
             let truth = levels_of(&view, 6).unwrap();
             for (l, level) in pyramid.levels.iter().enumerate() {
                 let shift = [[2, 1, 1, 1, 1, 0][l] * u32::from(bytes), 0];
@@ -406,7 +406,7 @@ mod tests {
                 inverse_depth: Some(InverseDepth { value: map(), confidence: map() }),
                 mask: None,
             };
-            Packed::new(&view, 3, Antialias::On).unwrap().words.len()
+            Packed::new(&view, 3, &RasterConfig::default()).unwrap().words.len()
         };
         // A pixel's three bytes, their sums in 16 bits at a quarter and a sixteenth of the pixels, a word of depth at all levels: ten bytes
         // instead of 21.
