@@ -51,8 +51,6 @@ const VALUES: &[(&str, &str)] = &[
     ("optical_sh_degree", "2"),
     ("rf_sh_degree", "1"),
     ("sh_degree", "1"),
-    ("raster.least_alpha", "0.05"),
-    ("raster.least_transmittance", "0.05"),
     ("depth.prior", "\"exact\""),
     ("depth.prior", "\"none\""),
     ("depth.near_m", "1.5"),

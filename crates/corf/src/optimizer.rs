@@ -39,30 +39,9 @@ pub struct RasterConfig {
     /// small tiles follow thin ellipses and fill a GPU with small images, large ones make fewer pairs to sort where Gaussians are wide.
     /// Without a value, steps choose by the size of their images.
     pub tile_px: Option<[u32; 2]>,
-    /// Weight α of a Gaussian at a pixel below which it is not drawn there (published: 1/255). Wide Gaussians then reach fewer tiles, and a step
-    /// takes less; what is learnt with one value is drawn with it.
-    #[serde(skip_serializing_if = "is_published_alpha")]
-    pub least_alpha: f64,
-    /// Share of what lies behind that must still be seen at a pixel for a further Gaussian to be drawn there (published: 1e-4).
-    #[serde(skip_serializing_if = "is_published_transmittance")]
-    pub least_transmittance: f32,
     /// Device memory for keyframes on the GPU device, MB (10⁶ bytes): more than that wait in main memory and come back when a step names
     /// them. What is computed does not depend on it.
     pub keyframe_memory_mb: u64,
-}
-
-/// Published bounds of what is drawn: a unit of an image of bytes, and a hundredth of that and less.
-const LEAST_ALPHA: f64 = 1.0 / 255.0;
-const LEAST_TRANSMITTANCE: f32 = 1e-4;
-/// The largest bounds: more of a picture is not left out.
-const LARGEST_LEAST: f64 = 0.1;
-
-fn is_published_alpha(alpha: &f64) -> bool {
-    *alpha == LEAST_ALPHA
-}
-
-fn is_published_transmittance(transmittance: &f32) -> bool {
-    *transmittance == LEAST_TRANSMITTANCE
 }
 
 /// Half of a card of 8 GB.
@@ -72,14 +51,7 @@ const MAX_KEYFRAME_MEMORY_MB: u64 = 10_000_000;
 
 impl Default for RasterConfig {
     fn default() -> Self {
-        Self {
-            antialias: Antialias::On,
-            near_m: 0.1,
-            tile_px: None,
-            least_alpha: LEAST_ALPHA,
-            least_transmittance: LEAST_TRANSMITTANCE,
-            keyframe_memory_mb: KEYFRAME_MEMORY_MB,
-        }
+        Self { antialias: Antialias::On, near_m: 0.1, tile_px: None, keyframe_memory_mb: KEYFRAME_MEMORY_MB }
     }
 }
 
@@ -213,22 +185,11 @@ impl RasterConfig {
     }
 
     /// # Errors
-    /// A near plane that is not 1 µm to 1000 km away; bounds of what is drawn below the published ones, or above a tenth; memory for keyframes that no device has.
+    /// A near plane that is not 1 µm to 1000 km away; memory for keyframes that no device has.
     pub fn validate(&self) -> Result<()> {
         if !(1e-6..=1e6).contains(&self.near_m) {
             let what = format!("{:?} is no distance in front of the camera", self.near_m);
             return Err(Error::invalid("raster.near_m", what, "give metres > 0, from 1e-6 to 1e6"));
-        }
-        let bounds = [
-            ("least_alpha", self.least_alpha, LEAST_ALPHA),
-            ("least_transmittance", f64::from(self.least_transmittance), f64::from(LEAST_TRANSMITTANCE)),
-        ];
-        for (key, value, published) in bounds {
-            if !(published..=LARGEST_LEAST).contains(&value) {
-                let what = format!("{value:?} is out of range");
-                let help = format!("give {published:.6} (published) to {LARGEST_LEAST}");
-                return Err(Error::invalid(format!("raster.{key}"), what, help));
-            }
         }
         if self.keyframe_memory_mb > MAX_KEYFRAME_MEMORY_MB {
             let what = format!("{} MB are more than any device has", self.keyframe_memory_mb);

@@ -9,6 +9,8 @@ use crate::simd::{Kernel, Lanes};
 
 /// Pixels per tile.
 pub(crate) const AREA: usize = TILE_WIDTH * TILE_HEIGHT;
+/// A pixel ends when less than this remains.
+const MIN_TRANSMITTANCE: f32 = 1e-4;
 /// No Gaussian hides more than this.
 const MAX_ALPHA: f32 = 0.999;
 /// Number of Gaussians blended between two checks for early termination of the tile's pixels.
@@ -48,8 +50,6 @@ pub(crate) struct Tile<'a> {
     pub height: usize,
     pub list: &'a [u32],
     pub splats: &'a [Splat],
-    /// A pixel ends when less than this remains.
-    pub least_transmittance: f32,
 }
 
 impl Tile<'_> {
@@ -88,7 +88,8 @@ fn grouped<L: Lanes>(pixels: &[f32; AREA]) -> [L; GROUPS] {
 
 /// Whether a pixel is left that has not ended.
 #[inline(always)]
-fn any_open<L: Lanes>(t: &[L; GROUPS], still: L) -> bool {
+fn any_open<L: Lanes>(t: &[L; GROUPS]) -> bool {
+    let still = L::splat(MIN_TRANSMITTANCE);
     t.iter().take(AREA / L::WIDTH).any(|t| L::any(t.ge(still)))
 }
 
@@ -160,7 +161,7 @@ impl<const C: usize, const DEPTH: bool> Kernel for Forward<'_, C, DEPTH> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let (zero, most, still) = (L::splat(0.0), L::splat(MAX_ALPHA), L::splat(self.tile.least_transmittance));
+        let (zero, most, still) = (L::splat(0.0), L::splat(MAX_ALPHA), L::splat(MIN_TRANSMITTANCE));
         let mut t = self.tile.initial_transmittance::<L>();
         let mut color = [[zero; GROUPS]; C];
         let mut depth = [zero; GROUPS];
@@ -187,7 +188,7 @@ impl<const C: usize, const DEPTH: bool> Kernel for Forward<'_, C, DEPTH> {
                     }
                 }
             }
-            if !any_open(&t, still) {
+            if !any_open(&t) {
                 break;
             }
         }
@@ -268,7 +269,7 @@ impl<const C: usize, const DEPTH: bool> Kernel for Backward<'_, C, DEPTH> {
         }
         let mut behind = grouped::<L>(&behind);
         let mut t = self.tile.initial_transmittance::<L>();
-        let (still, zero, one) = (L::splat(self.tile.least_transmittance), L::splat(0.0), L::splat(1.0));
+        let (still, zero, one) = (L::splat(MIN_TRANSMITTANCE), L::splat(0.0), L::splat(1.0));
         let most = L::splat(MAX_ALPHA);
         let mut done = 0;
         for batch in self.tile.list.chunks(BATCH) {
@@ -323,7 +324,7 @@ impl<const C: usize, const DEPTH: bool> Kernel for Backward<'_, C, DEPTH> {
                 record[OPACITY] = -record[OPACITY] / s.opacity;
                 done += 1;
             }
-            if !any_open(&t, still) {
+            if !any_open(&t) {
                 break;
             }
         }
@@ -343,7 +344,7 @@ impl Kernel for MainContributor<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let (zero, still) = (L::splat(0.0), L::splat(self.tile.least_transmittance));
+        let (zero, still) = (L::splat(0.0), L::splat(MIN_TRANSMITTANCE));
         let mut t = self.tile.initial_transmittance::<L>();
         let mut best = [zero; GROUPS];
         // Names travel through lanes as the bits of an f32; they are only selected, never computed with.

@@ -2,8 +2,8 @@
 //!
 //! Both modalities look from one pose, so the covariance in camera axes is formed once; each grid adds only its own `J`.
 
+use crate::Antialias;
 use crate::simd::Lanes;
-use crate::{Antialias, RasterConfig};
 use corf_scene::{Pinhole, Rigid3};
 
 /// ρ² is not taken below this.
@@ -45,26 +45,10 @@ pub(crate) struct Grid {
     pub x_limits: [f32; 2],
     pub y_limits: [f32; 2],
     pub antialias: Antialias,
-    pub bounds: Bounds,
-}
-
-/// Bounds of what is drawn ([`RasterConfig`]).
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Bounds {
-    /// One over the least weight α.
-    pub inverse_alpha: f32,
-    /// A pixel ends when less than this remains.
-    pub transmittance: f32,
-}
-
-impl Bounds {
-    pub fn of(raster: &RasterConfig) -> Self {
-        Self { inverse_alpha: (1.0 / raster.least_alpha) as f32, transmittance: raster.least_transmittance }
-    }
 }
 
 impl Grid {
-    pub fn new(camera: &Pinhole, raster: &RasterConfig) -> Self {
+    pub fn new(camera: &Pinhole, antialias: Antialias) -> Self {
         let limits = |size: usize, f: f64, c: f64| {
             let size = size as f64;
             [((-BORDER * size - c) / f) as f32, (((1.0 + BORDER) * size - c) / f) as f32]
@@ -78,8 +62,7 @@ impl Grid {
             cy: camera.cy as f32,
             x_limits: limits(camera.width, camera.fx, camera.cx),
             y_limits: limits(camera.height, camera.fy, camera.cy),
-            antialias: raster.antialias,
-            bounds: Bounds::of(raster),
+            antialias,
         }
     }
 }
@@ -473,7 +456,7 @@ mod tests {
     fn determinants_of_needles_discs_and_balls_are_right() {
         let mut rng = Rng::keyed(31, 0, 0);
         let camera = Pinhole::from_horizontal_fov(640, 360, 90.0);
-        let grid = Grid::new(&camera, &RasterConfig { antialias: Antialias::On, ..RasterConfig::default() });
+        let grid = Grid::new(&camera, Antialias::On);
         let pose = Pose::new(&Rigid3::looking_at(DVec3::new(0.3, 0.2, 0.1), DVec3::new(3.0, 1.0, 0.4), DVec3::Z));
         for [x, y, z] in [[-3.0, -3.0, -3.0], [1.0, -9.0, -9.0], [2.0, -7.0, -8.0], [1.0, 1.0, -9.0], [0.0, -4.0, -12.0]] {
             for _ in 0..200 {

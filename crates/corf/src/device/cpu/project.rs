@@ -240,8 +240,8 @@ impl ProjectChunk<'_> {
             let inverse = one / e.determinant;
             let (qa, qb, qc) = (e.syy * inverse, -(e.bare[1] * inverse), e.sxx * inverse);
             let opacity = e.rho / (one + (-gather::<L>(values, ids, LIGHT_OPACITY + g)).exp());
-            // Bound of σ: o ρ exp(−σ) is the least that is drawn.
-            let tau = (opacity * L::splat(grid.bounds.inverse_alpha)).max(L::splat(1e-30)).ln() + L::splat(TAU_MARGIN);
+            // Bound of σ: o ρ exp(−σ) ≥ 1/255.
+            let tau = (opacity * L::splat(255.0)).max(L::splat(1e-30)).ln() + L::splat(TAU_MARGIN);
             let width = (L::splat(2.0) * tau * e.sxx).max(L::splat(0.0)).sqrt();
             let height = (L::splat(2.0) * tau * e.syy).max(L::splat(0.0)).sqrt();
             let valid = L::and(e.determinant.gt(L::splat(0.0)), tau.gt(L::splat(0.0)));

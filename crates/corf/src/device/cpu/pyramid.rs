@@ -114,8 +114,8 @@ impl Pyramid {
     }
 
     /// The images to render, each at its level.
-    pub fn grids(&self, levels: [usize; 2], raster: &crate::RasterConfig) -> [Grid; 2] {
-        [0, 1].map(|i| Grid::new(&self.levels[levels[i]][i].camera, raster))
+    pub fn grids(&self, levels: [usize; 2], antialias: crate::Antialias) -> [Grid; 2] {
+        [0, 1].map(|i| Grid::new(&self.levels[levels[i]][i].camera, antialias))
     }
 }
 

@@ -49,7 +49,6 @@ pub(crate) fn tile_at<'a>(grid: &Grid, lists: &'a TileLists, splats: &'a [Splat]
         height: grid.height,
         list: lists.of(index),
         splats,
-        least_transmittance: grid.bounds.transmittance,
     }
 }
 
@@ -178,7 +177,7 @@ impl CpuDevice {
             return Err(Error::invalid("render request", what, "give a camera with pixels"));
         }
         let mut grids = [None; 2];
-        grids[g] = Some(Grid::new(&view.camera, &self.raster));
+        grids[g] = Some(Grid::new(&view.camera, self.raster.antialias));
         Ok(Scene::new(&view.world_from_camera, grids))
     }
 }

@@ -67,7 +67,7 @@ impl CpuDevice {
         if weights.iter().any(|w| !(w.is_finite() && *w >= 0.0)) {
             return Err(Error::invalid(place(), format!("loss weights {weights:?}"), "give finite weights ≥ 0"));
         }
-        let mut grids = pyramid.grids(step.levels.map(|l| l as usize), &self.raster).map(Some);
+        let mut grids = pyramid.grids(step.levels.map(|l| l as usize), self.raster.antialias).map(Some);
         if step.light_weight == 0.0 {
             grids[0] = None;
         }

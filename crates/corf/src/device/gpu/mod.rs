@@ -108,7 +108,7 @@ impl GpuDevice {
         store.append(&context, initial)?;
         let (batch, harmonics) = (options.batch, store.harmonics);
         let shuffles = context.subgroups.is_some_and(|(min, _)| min >= batch);
-        let fixed = |tile: &[u32; 2]| Fixed { raster, harmonics, tile: *tile, batch, shuffles };
+        let fixed = |tile: &[u32; 2]| Fixed { antialias: raster.antialias, harmonics, tile: *tile, batch, shuffles };
         let shapes: Vec<Fixed> = options.tiles().iter().map(fixed).collect();
         let (forward, (training, surveyor)) = rayon::join(
             || Forward::new(&context, &shapes, options.segments),
@@ -180,17 +180,17 @@ impl Device for GpuDevice {
     fn upload(&mut self, view: &TrainingView, levels: u32) -> Result<ViewId> {
         self.ready()?;
         check_channels(view, self.store.harmonics.map(|h| h.channels))?;
-        let packed = Packed::new(view, levels, &self.raster)?;
+        let packed = Packed::new(view, levels, self.raster.antialias)?;
         Ok(ViewId(self.keyframe_cache.push(StoredView::new(packed, &self.context, &self.keyframe_cache.budget)?)))
     }
 
     fn packer(&self) -> Option<Packer> {
-        let (raster, channels) = (self.raster, self.store.harmonics.map(|h| h.channels));
+        let (antialias, channels) = (self.raster.antialias, self.store.harmonics.map(|h| h.channels));
         let (context, budget) = (self.context.clone(), self.keyframe_cache.budget.clone());
         Some(Arc::new(move |view, levels| {
             check_channels(view, channels)?;
             // On its way before it is asked for, if there is room: only its number is left to be given.
-            Ok(PackedView::new(StoredView::new(Packed::new(view, levels, &raster)?, &context, &budget)?))
+            Ok(PackedView::new(StoredView::new(Packed::new(view, levels, antialias)?, &context, &budget)?))
         }))
     }
 

@@ -7,7 +7,7 @@
 
 use super::params::Params;
 use crate::{
-    RasterConfig, Result,
+    Antialias, Result,
     device::{
         Planes, TrainingView,
         cpu::{
@@ -244,7 +244,7 @@ fn put_mask(mask: &Raster<bool>, words: &mut Vec<u32>) -> u32 {
 }
 
 impl Packed {
-    pub fn new(view: &TrainingView, levels: u32, raster: &RasterConfig) -> Result<Self> {
+    pub fn new(view: &TrainingView, levels: u32, antialias: Antialias) -> Result<Self> {
         let levels = levels.max(1);
         check_view(view, levels)?;
         let radio_levels = radio_levels(view, levels);
@@ -271,7 +271,7 @@ impl Packed {
             let targets = [of_light, of_radio];
             let depth_at = depths.as_ref().map(|d| d.put(&mut words));
             let mask_at = masks.as_ref().map(|m| put_mask(&m[level as usize], &mut words));
-            out.push(Level { grids: cameras.map(|c| Grid::new(&c, raster)), targets, depth_at, mask_at });
+            out.push(Level { grids: cameras.map(|c| Grid::new(&c, antialias)), targets, depth_at, mask_at });
         }
         Ok(Self { pyramid: Pyramid { pose: Pose::new(&view.world_from_camera), levels: out, radio_levels }, words })
     }
@@ -360,7 +360,7 @@ mod tests {
                 inverse_depth,
                 mask,
             };
-            let Packed { pyramid, words } = Packed::new(&view, 6, &RasterConfig::default()).unwrap();
+            let Packed { pyramid, words } = Packed::new(&view, 6, Antialias::On).unwrap();
             let truth = levels_of(&view, 6).unwrap();
             for (l, level) in pyramid.levels.iter().enumerate() {
                 let shift = [[2, 1, 1, 1, 1, 0][l] * u32::from(bytes), 0];
@@ -406,7 +406,7 @@ mod tests {
                 inverse_depth: Some(InverseDepth { value: map(), confidence: map() }),
                 mask: None,
             };
-            Packed::new(&view, 3, &RasterConfig::default()).unwrap().words.len()
+            Packed::new(&view, 3, Antialias::On).unwrap().words.len()
         };
         // A pixel's three bytes, their sums in 16 bits at a quarter and a sixteenth of the pixels, a word of depth at all levels: ten bytes
         // instead of 21.

@@ -61,7 +61,7 @@ impl GpuDevice {
     /// The constants of a frame of modalities that share a pose.
     pub(super) fn frame(&self, wanted: [Option<(View, [f32; 3])>; 2], name: bool) -> Option<Params> {
         let pose = wanted.iter().flatten().map(|(v, _)| Pose::new(&v.world_from_camera)).next()?;
-        let grids = wanted.map(|w| w.map(|(v, _)| Grid::new(&v.camera, &self.raster)));
+        let grids = wanted.map(|w| w.map(|(v, _)| Grid::new(&v.camera, self.raster.antialias)));
         let backgrounds = wanted.map(|w| w.map_or([0.0; 3], |(_, b)| b));
         let (near_m, tile) = (self.raster.near_m, self.shapes[0].tile);
         let mut params = Params::new(&pose, &grids, backgrounds, near_m, self.store.len(), &self.optimizer, tile);

@@ -3,7 +3,7 @@
 mod loss;
 
 use super::params::{self, LOSS_BLOCK, MASK_GROUP};
-use crate::{Antialias, Appearance, RasterConfig};
+use crate::{Antialias, Appearance};
 use corf_gpu::GROUP_NUMBER;
 use std::fmt::Write;
 
@@ -46,7 +46,7 @@ const LOSS: &str = include_str!("shaders/loss.wgsl");
 /// Compile-time constants shared by the kernels of one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fixed {
-    pub raster: RasterConfig,
+    pub antialias: Antialias,
     /// Optical, RF.
     pub harmonics: [HarmonicsShape; 2],
     /// Pixels across and down a tile.
@@ -88,7 +88,7 @@ const LANES: [&str; 4] = ["x", "y", "z", "w"];
 
 impl Fixed {
     fn head(&self) -> String {
-        let antialias = match self.raster.antialias {
+        let antialias = match self.antialias {
             Antialias::Off => 0,
             Antialias::On => 1,
             Antialias::Detached => 2,
@@ -99,13 +99,10 @@ impl Fixed {
             "const TILE_WIDTH = {width}u;\nconst TILE_HEIGHT = {height}u;\nconst AREA = {}u;\nconst DILATION = {:?};\n\
              const ANTIALIAS_OFF = 0u;\nconst ANTIALIAS_ON = 1u;\nconst ANTIALIAS = {antialias}u;\nconst DEGREE = {degree}u;\n\
              const SCAN = 256u;\nconst SHARE = {SHARE}u;\nconst EACH = {EACH}u;\nconst BUCKET = {batch}u;\nconst BUCKETS_A_GROUP = {}u;\n\
-             const MIN_ALPHA = {:?};\nconst INVERSE_MIN_ALPHA = {:?};\nconst MIN_TRANSMITTANCE = {:?};\nconst COUNTER = {COUNTER}u;\nconst CHUNK = {CHUNK}u;\nconst MOST_CHUNKS = {MOST_CHUNKS}u;\n{GROUP_NUMBER}{SLOTS}{}",
+             const COUNTER = {COUNTER}u;\nconst CHUNK = {CHUNK}u;\nconst MOST_CHUNKS = {MOST_CHUNKS}u;\n{GROUP_NUMBER}{SLOTS}{}",
             width * height,
-            self.raster.antialias.dilation(),
+            self.antialias.dilation(),
             self.backward_threads() / self.batch,
-            self.raster.least_alpha as f32,
-            (1.0 / self.raster.least_alpha) as f32,
-            self.raster.least_transmittance,
             params::declarations(),
         )
     }

@@ -4,7 +4,7 @@
 
 use super::*;
 use crate::{
-    Gaussians, OptimizerConfig, RasterConfig,
+    Antialias, Gaussians, OptimizerConfig,
     device::{
         cpu::geometry::{Grid, Pose},
         gpu::{
@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 /// Constants of the kernels under test; the order of the lists depends on none of them.
 fn fixed() -> Fixed {
     let harmonics = [HarmonicsShape { channels: 3, degree: 0 }; 2];
-    Fixed { raster: RasterConfig::default(), harmonics, tile: [8, 8], batch: 16, shuffles: false }
+    Fixed { antialias: Antialias::On, harmonics, tile: [8, 8], batch: 16, shuffles: false }
 }
 
 /// Numbers below `n` in no order.
@@ -268,7 +268,7 @@ fn emitted(
     store.append(context, g).unwrap();
     let fixed = Fixed { harmonics: store.harmonics, ..fixed() };
     let cameras = [if fused { [400, 240] } else { [96, 70] }, [400, 240]].map(|[w, h]| Pinhole::from_horizontal_fov(w, h, 70.0));
-    let grids = [0, 1].map(|k| images[k].then(|| Grid::new(&cameras[k], &fixed.raster)));
+    let grids = [0, 1].map(|k| images[k].then(|| Grid::new(&cameras[k], fixed.antialias)));
     let optimizer = OptimizerConfig::default();
     let mut params = Params::new(&Pose::new(&Rigid3::IDENTITY), &grids, [[0.0; 3]; 2], 0.1, g.len(), &optimizer, fixed.tile);
     if fused {

@@ -13,7 +13,7 @@
 // The block's first place among the visible, first pair, first share, shares.
 var<workgroup> given: vec4<u32>;
 
-// τ = ln(o·ρ / MIN_ALPHA) bounds σ; the margin covers the rounding of the logarithm and of σ itself.
+// τ = ln(255·o·ρ) bounds σ; the margin covers the rounding of the logarithm and of σ itself.
 const TAU_MARGIN = 1e-3;
 // Widest σ at which opacity 1 still gives 1/255: sqrt(2 ln 255) standard deviations.
 const MAX_DEVIATIONS = 3.33;
@@ -51,8 +51,8 @@ fn tiles_of(grid: GridParams, e: Ellipse, q: vec3<f32>, determinant: f32, tau: f
     return vec2(count, u32(r.rows.y - r.rows.x + 1));
 }
 
-// Bound of σ: o ρ exp(−σ) ≥ MIN_ALPHA.
-fn bound_of(opacity: f32) -> f32 { return log(max(opacity * INVERSE_MIN_ALPHA, 1e-30)) + TAU_MARGIN; }
+// Bound of σ: o ρ exp(−σ) ≥ 1/255.
+fn bound_of(opacity: f32) -> f32 { return log(max(opacity * 255.0, 1e-30)) + TAU_MARGIN; }
 
 fn project_to(g: u32, p: vec3<f32>, s: Shape, logit: f32, seen: ptr<function, Seen>) {
     let grid = params.grids[g];
