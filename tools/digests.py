@@ -43,6 +43,8 @@ METHODS = {
     "corf-gs": "",
     "corf-gs-paper": ONLINE,
     "corf-gs-fast": "",
+    "corf-gs-live": "",
+    "corf-gs-quality": ONLINE + "\nfine_tune_epochs = 3",
     "corf-gs-uniform": ONLINE,
     "corf-gs-frozen": ONLINE,
     "corf-gs-rf-tuned": ONLINE,

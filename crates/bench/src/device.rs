@@ -55,6 +55,8 @@ pub enum Backend {
         adapter: String,
         /// The number that [`DeviceChoice::Gpu`] gives it.
         number: usize,
+        /// Whether a reconstruction's kernels are timed on it.
+        timed: bool,
     },
 }
 
@@ -78,7 +80,7 @@ impl DeviceChoice {
             Self::Auto => match look(0, false) {
                 Some(adapter) => {
                     note!("device: {adapter}");
-                    Ok(Backend::Gpu { adapter, number: 0 })
+                    Ok(Backend::Gpu { adapter, number: 0, timed: false })
                 }
                 None => {
                     note!("device: no GPU was found, the processor does it");
@@ -93,7 +95,7 @@ impl DeviceChoice {
                         "device: {adapter} is an adapter in software: it computes on the processor, where --device cpu is faster"
                     );
                 }
-                Ok(Backend::Gpu { adapter, number })
+                Ok(Backend::Gpu { adapter, number, timed: false })
             }
         }
     }
@@ -209,6 +211,20 @@ impl Backend {
         }
     }
 
+    /// The same, to time the kernels of reconstructions, which costs them a little.
+    ///
+    /// # Errors
+    /// The processor, which has no kernels.
+    pub fn timing_kernels(self) -> Result<Self> {
+        match self {
+            Self::Cpu => anyhow::bail!(
+                "--time-kernels: kernels are timed on a GPU, and the processor reconstructs\n  help: choose --device gpu, or leave it out"
+            ),
+            #[cfg(feature = "gpu")]
+            Self::Gpu { adapter, number, .. } => Ok(Self::Gpu { adapter, number, timed: true }),
+        }
+    }
+
     /// A fresh device that holds `initial`.
     ///
     /// # Errors
@@ -217,11 +233,11 @@ impl Backend {
         match self {
             Self::Cpu => Ok(Box::new(CpuDevice::new(optimizer, raster, initial)?)),
             #[cfg(feature = "gpu")]
-            Self::Gpu { number, .. } => {
+            Self::Gpu { number, timed, .. } => {
                 use corf::device::gpu::{GpuDevice, GpuOptions};
                 use corf_gpu::AdapterOptions;
                 let options = GpuOptions {
-                    adapter: AdapterOptions { number: *number, software: true, ..AdapterOptions::default() },
+                    adapter: AdapterOptions { number: *number, software: true, timestamps: *timed, ..AdapterOptions::default() },
                     tile: raster.tile_px,
                     keyframe_bytes: raster.keyframe_bytes(),
                     ..GpuOptions::default()

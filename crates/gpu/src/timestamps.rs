@@ -1,6 +1,6 @@
 //! When things happened on a device, by its own clock.
 
-use crate::Context;
+use crate::{Context, Reading};
 use corf_scene::Result;
 
 /// Timestamps that passes write.
@@ -40,6 +40,14 @@ impl Timestamps {
     /// The device's.
     pub fn read(&self, context: &Context, count: u32) -> Result<Vec<u64>> {
         Ok(context.read::<u64>("timestamps", &[(&self.resolved, count as usize)])?.remove(0))
+    }
+
+    /// Has the first `count` on their way, without a wait.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn begin_reading(&self, context: &Context, count: u32) -> Result<Reading<u64>> {
+        context.begin_reading("timestamps", &[(&self.resolved, count as usize)])
     }
 
     /// Seconds from one timestamp to another.

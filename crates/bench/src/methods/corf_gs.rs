@@ -127,6 +127,13 @@ iterations_per_keyframe = 40
 overlapped_iterations = 40
 ";
 
+/// Settings of `corf-gs-live`: what a keyframe waits for behind its expansion is its steps. 30 of them take 25 to 30 ms at 1600×900 on an H200, with the
+/// expansion some 42, of the 67 that a camera of 15 keyframes/s leaves; docs/live.md has the account.
+const LIVE: &str = "iterations_per_keyframe = 30";
+
+/// Settings of `corf-gs-quality`: what offline passes over all keyframes add to the paper's budget. docs/METHODOLOGY.md has the figures.
+const QUALITY: &str = "fine_tune_epochs = 300";
+
 /// Settings of `corf-gs-paper`: the constants that the paper gives, and where it is silent those of
 /// on-the-fly novel-view synthesis (Meuleman et al. 2025), which it builds on. docs/METHODOLOGY.md lists what each difference is worth.
 const PAPER: &str = "\
@@ -155,6 +162,16 @@ pub const FAMILY: Family = Family {
             id: "corf-gs-fast",
             help: "corf-gs with 40 iterations a keyframe instead of 75, overlapped with the next keyframe's expansion",
             preset: FAST,
+        },
+        Variant {
+            id: "corf-gs-live",
+            help: "corf-gs for the lowest latency: 30 iterations a keyframe, each taken before the next keyframe's turn",
+            preset: LIVE,
+        },
+        Variant {
+            id: "corf-gs-quality",
+            help: "corf-gs for the most quality: 300 epochs over all keyframes behind the last one",
+            preset: QUALITY,
         },
         Variant {
             id: "corf-gs-uniform",
@@ -336,6 +353,7 @@ impl CorfGs {
         );
         // Keyframes whose last steps waited for another, or that were still collected, have ended now.
         let depth = reconstructor.depth_quality();
+        let training_times = reconstructor.take_training_times()?;
         let mut ended = reconstructor.timings()[reported..].iter();
         let keyframe = ended.next_back();
         for timing in ended {
@@ -346,6 +364,7 @@ impl CorfGs {
             keyframe,
             depth,
             stages: &stages,
+            training_times: training_times.as_ref(),
             ..Advance::of(total, total)
         })?;
         let field = FieldPredictor::learnt(reconstructor.field()?, self.config.raster, &self.backend)?;
@@ -399,6 +418,12 @@ mod tests {
         assert_eq!((paper.latest_probability, paper.depth_weight, paper.depth_weight_decay), (0.2, 0.01, 0.9));
         assert!(!paper.depth.correction && paper.finest_share == Some(1.0));
         assert_eq!(make("corf-gs-fast", "iterations_per_keyframe = 70").iterations_per_keyframe, 70);
+        // The quickest to have a keyframe in the field leaves nothing for later; the best takes its time behind the last one.
+        let live = make("corf-gs-live", "");
+        assert_eq!((live.iterations_per_keyframe, live.overlapped_iterations), (30, 0));
+        assert!(live.iterations_per_keyframe < fast.iterations_per_keyframe);
+        let best = new("corf-gs-quality", "");
+        assert_eq!((&best.reconstruction, best.fine_tune_epochs), (&plain, 300));
         // Part of an inner table leaves the rest of it alone, also where its defaults are not those of its type.
         let rates = |id: &str, text: &str| new(id, text).optimizer.radio;
         let usual = OptimizerConfig::default().radio;

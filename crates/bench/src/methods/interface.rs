@@ -8,6 +8,7 @@ use crate::split::Split;
 use crate::terminal::interrupt;
 use anyhow::{Context, Result, bail, ensure};
 use corf::depth::DepthQuality;
+use corf::device::TrainingTimes;
 use corf::{Field, IdleKey, KeyframeTiming};
 use corf_scene::config::{ReceiverConfig, SpectrumKind};
 use corf_scene::dataset::{Dataset, FixedArray};
@@ -283,6 +284,8 @@ pub struct Advance<'a> {
     pub depth: Option<DepthQuality>,
     /// What the stages took, at the end, for methods that have some.
     pub stages: &'a [StageTime],
+    /// Where the time of training went, at the end, on a device that times itself.
+    pub training_times: Option<&'a TrainingTimes>,
     /// Steps that came from a checkpoint, for methods that work in steps.
     pub resumed_steps: usize,
     /// The field as it stands, for whoever wants to look at it, from methods that have one.
@@ -363,6 +366,7 @@ impl Advance<'_> {
             gaussians: None,
             keyframe: None,
             depth: None,
+            training_times: None,
             stages: &[],
             resumed_steps: 0,
             field: None,

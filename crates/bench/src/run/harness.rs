@@ -15,6 +15,7 @@ use crate::split::{Protocol, Split};
 use crate::terminal::interrupt::Interrupted;
 use anyhow::{Result, bail};
 use corf::depth::DepthQuality;
+use corf::device::TrainingTimes;
 use corf::{KeyframeTiming, LatencySummary};
 use corf_scene::Keyframe;
 use corf_scene::dataset::Dataset;
@@ -41,6 +42,8 @@ pub struct Reconstruction {
     pub depth: Option<DepthQuality>,
     /// What the stages took, for methods that have some.
     pub stages: Vec<StageTime>,
+    /// Where the time of training went, on a device that times itself.
+    pub training_times: Option<TrainingTimes>,
     /// Steps that came from a checkpoint, for methods that work in steps.
     pub resumed_steps: usize,
 }
@@ -115,7 +118,7 @@ pub fn clocked(
     reset_peak_memory();
     device::reset_peak_memory();
     let (mut curve, mut keyframes, mut depth) = (Vec::new(), Vec::new(), None);
-    let (mut stages, mut resumed_steps) = (Vec::new(), 0);
+    let (mut stages, mut training_times, mut resumed_steps) = (Vec::new(), None, 0);
     let (start, processor_before) = (Instant::now(), processor_s());
     let mut evaluating = Duration::ZERO;
     let seconds_but = |evaluating: Duration| start.elapsed().saturating_sub(idle() + evaluating).as_secs_f64();
@@ -141,6 +144,7 @@ pub fn clocked(
         if !advance.stages.is_empty() {
             stages = advance.stages.to_vec();
         }
+        training_times = advance.training_times.cloned().or(training_times.take());
         resumed_steps = advance.resumed_steps.max(resumed_steps);
         watch(advance)
     })?;

@@ -28,6 +28,7 @@ use crate::run::harness::Reconstruction;
 use crate::split::Protocol;
 use anyhow::{Context, Result, bail};
 use corf::depth::DepthQuality;
+use corf::device::TrainingTimes;
 use corf::{KeyframeTiming, LatencySummary};
 use corf_scene::dataset::Dataset;
 use corf_scene::io::{self, remove_temporary_files, sha256_hex, write_atomic};
@@ -133,6 +134,9 @@ pub struct RunInfo {
     /// What the stages took, for methods that have some; unlike `seconds` over all sessions of a run that was resumed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<StageTime>,
+    /// Where the time of training went, where that was asked for (`--time-kernels`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub training_times: Option<TrainingTimes>,
     /// Steps that came from a checkpoint of an interrupted run, for methods that work in steps: time, memory and curve are of what followed.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub resumed_steps: usize,
@@ -193,6 +197,7 @@ impl RunInfo {
             latency: LatencySummary::of(&result.keyframes),
             depth: result.depth,
             stages: result.stages.clone(),
+            training_times: result.training_times.clone(),
             resumed_steps: result.resumed_steps,
             live: None,
             keyframe_timings: result.keyframes.clone(),

@@ -396,7 +396,7 @@ mod tests {
 
     /// The first adapter, one in software will do; a failure without any under `CORF_REQUIRE_GPU=1`.
     fn adapter() -> Option<Backend> {
-        let first = adapter_names().into_iter().next().map(|(adapter, _)| Backend::Gpu { adapter, number: 0 });
+        let first = adapter_names().into_iter().next().map(|(adapter, _)| Backend::Gpu { adapter, number: 0, timed: false });
         let required = std::env::var_os("CORF_REQUIRE_GPU").is_some_and(|v| v == "1");
         assert!(first.is_some() || !required, "no adapter");
         first

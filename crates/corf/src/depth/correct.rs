@@ -83,12 +83,21 @@ impl Correction {
         let (far, near) = ((1.0 / config.far_m) as f32, (1.0 / config.near_m) as f32);
         let old = prior.inverse_depth.grid();
         let (w, h) = (old.width(), old.height());
+        // Where a column, and a row, lie in each grid is the same down the image, and across it.
+        let along =
+            |axis: usize, at: usize, count: usize| LEVELS.map(|size| between((at as f32 + 0.5) / count as f32, size[axis]));
+        let columns: Vec<[Between; LEVELS.len()]> = (0..w).map(|x| along(0, x, w)).collect();
         let mut new = Raster::filled(w, h, 0.0);
-        new.pixels_mut().par_chunks_mut(w.max(1)).enumerate().for_each(|(y, row)| {
-            for (x, out) in row.iter_mut().enumerate() {
-                let guess = old[(x, y)];
-                let place = [(x as f32 + 0.5) / w as f32, (y as f32 + 0.5) / h as f32, depth_place(guess, config)];
-                let log: f32 = LEVELS.iter().zip(&self.grids).map(|(size, grid)| value(grid, &corners(place, *size))).sum();
+        let rows = new.pixels_mut().par_chunks_mut(w.max(1)).zip(old.pixels().par_chunks(w.max(1)));
+        rows.enumerate().for_each(|(y, (row, guesses))| {
+            let down = along(1, y, h);
+            for ((out, guess), across) in row.iter_mut().zip(guesses).zip(&columns) {
+                let depth = depth_place(*guess, config);
+                let value = |level: usize| {
+                    let size = LEVELS[level];
+                    value_at(&self.grids[level], size, [across[level], down[level], between(depth, size[2])])
+                };
+                let log: f32 = (0..LEVELS.len()).map(value).sum();
                 *out = (guess * log.exp()).clamp(far, near);
             }
         });
@@ -102,13 +111,29 @@ fn depth_place(inverse_depth: f32, config: &DepthConfig) -> f32 {
     (inverse_depth * config.far_m as f32).ln() / range
 }
 
-fn corners(place: Place, size: [usize; 3]) -> Corners {
-    let axis = |k: usize| {
-        let at = (place[k] * (size[k] - 1) as f32).clamp(0.0, (size[k] - 1) as f32);
-        let first = (at as usize).min(size[k].saturating_sub(2));
-        (first, at - first as f32)
+/// The first of two neighbouring cells along an axis, and the weight of the second.
+type Between = (usize, f32);
+
+fn between(place: f32, cells: usize) -> Between {
+    let at = (place * (cells - 1) as f32).clamp(0.0, (cells - 1) as f32);
+    let first = (at as usize).min(cells.saturating_sub(2));
+    (first, at - first as f32)
+}
+
+/// [`value`] at [`corners`], from where a place lies along each axis.
+fn value_at(grid: &[f32], size: [usize; 3], [x, y, z]: [Between; 3]) -> f32 {
+    let shares = |(_, second): Between| [1.0 - second, second];
+    let (of_x, of_y, of_z) = (shares(x), shares(y), shares(z));
+    let first = (z.0 * size[1] + y.0) * size[0] + x.0;
+    let part = |corner: usize| {
+        let [i, j, k] = [corner & 1, corner >> 1 & 1, corner >> 2 & 1];
+        of_z[k] * of_y[j] * of_x[i] * grid[first + (k * size[1] + j) * size[0] + i]
     };
-    let axes = [axis(0), axis(1), axis(2)];
+    (0..8).map(part).sum()
+}
+
+fn corners(place: Place, size: [usize; 3]) -> Corners {
+    let axes = [0, 1, 2].map(|k| between(place[k], size[k]));
     std::array::from_fn(|corner| {
         let (mut cell, mut weight) = (0, 1.0);
         for k in (0..3).rev() {
@@ -201,6 +226,21 @@ mod tests {
         let unsure: Vec<PixelDepth> =
             matches(0.0).into_iter().map(|m| PixelDepth { reliability: Reliability::Prior, ..m }).collect();
         assert_eq!(Correction::fit(&right, &unsure, &config), None);
+    }
+
+    #[test]
+    fn every_pixel_has_the_value_of_its_place_to_the_last_bit() {
+        let config = DepthConfig::default();
+        let prior = prior(&config);
+        let correction = Correction::fit(&prior, &matches(0.1), &config).unwrap();
+        let (corrected, old) = (correction.apply(&prior, &config), prior.inverse_depth.grid());
+        for (y, x) in (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (y, x))) {
+            let place = [(x as f32 + 0.5) / SIZE.0 as f32, (y as f32 + 0.5) / SIZE.1 as f32, depth_place(old[(x, y)], &config)];
+            let values = LEVELS.iter().zip(&correction.grids).map(|(size, grid)| value(grid, &corners(place, *size)));
+            let expected =
+                (old[(x, y)] * values.sum::<f32>().exp()).clamp((1.0 / config.far_m) as f32, (1.0 / config.near_m) as f32);
+            assert_eq!(corrected.inverse_depth.grid()[(x, y)].to_bits(), expected.to_bits(), "({x}, {y})");
+        }
     }
 
     #[test]

@@ -42,9 +42,10 @@ impl GreyImage {
             let rows = pairs.par_chunks_exact_mut(width).zip(image.pixels().par_chunks_exact(width)).with_min_len(8);
             rows.for_each(|(pairs, values)| {
                 pairs.iter_mut().zip(values).for_each(|(pair, v)| *pair = word(*v));
-                for x in 0..width {
-                    pairs[x] |= pairs[(x + 1).min(width - 1)] << 16;
+                for x in 0..width - 1 {
+                    pairs[x] |= pairs[x + 1] << 16;
                 }
+                pairs[width - 1] |= pairs[width - 1] << 16;
             });
         }
         Self { width, height, pairs, left_out: vec![], isa: Isa::detect() }

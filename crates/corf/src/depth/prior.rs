@@ -183,10 +183,11 @@ impl SimulatedPrior {
         let (scale, offset) = (3.0 * (0.2 * rng.normal()).exp(), 0.3 * rng.normal());
         let bias = |surface: u32| self.kappa * Rng::keyed(self.seed, stage::PRIOR_OBJECT, u64::from(surface)).normal();
         // Neighbours are mostly of one surface.
-        let mut biases = BTreeMap::new();
-        for run in light.surface.iter().flat_map(|s| s.pixels().chunk_by(|a, b| a == b)) {
-            biases.entry(run[0]).or_insert_with(|| bias(run[0]));
-        }
+        let runs = light.surface.iter().flat_map(|s| s.pixels().chunk_by(|a, b| a == b));
+        let mut surfaces: Vec<u32> = runs.map(|run| run[0]).collect();
+        surfaces.sort_unstable();
+        surfaces.dedup();
+        let biases: BTreeMap<u32, f64> = surfaces.into_iter().map(|surface| (surface, bias(surface))).collect();
 
         let field = SmoothField::new(&self.waves(), &self.amplitudes(index), w);
         let mut distorted = vec![0.0; w * h];

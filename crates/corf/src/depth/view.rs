@@ -43,9 +43,16 @@ impl GreyView {
         }
         let coarse_camera = camera.downsampled(coarse_level);
         let block = 1usize << coarse_level;
-        let coarse = Raster::from_fn(coarse_camera.width, coarse_camera.height, |x, y| {
-            let sum: f32 = (0..block * block).map(|i| fine[(x * block + i % block, y * block + i / block)]).sum();
-            sum / (block * block) as f32
+        // Row by row of the fine image, block by block: each block's values are added up in the order of its rows.
+        let mut coarse = Raster::filled(coarse_camera.width, coarse_camera.height, 0.0);
+        let (width, across) = (fine.width().max(1), coarse_camera.width.max(1));
+        let rows_of_blocks = fine.pixels().chunks_exact(width * block);
+        coarse.pixels_mut().chunks_exact_mut(across).zip(rows_of_blocks).for_each(|(sums, rows)| {
+            for row in rows.chunks_exact(width) {
+                let blocks = sums.iter_mut().zip(row.chunks_exact(block));
+                blocks.for_each(|(sum, values)| values.iter().for_each(|v| *sum += v));
+            }
+            sums.iter_mut().for_each(|sum| *sum /= (block * block) as f32);
         });
         let counts = mask.as_ref().map(|mask| {
             let all = |x: usize, y: usize| (0..block * block).all(|i| mask[(x * block + i % block, y * block + i / block)]);

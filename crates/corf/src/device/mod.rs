@@ -9,6 +9,7 @@ mod mask;
 mod packed;
 mod state;
 mod survey;
+mod times;
 
 pub use crate::images::Planes;
 pub use dense::{DenseStep, Duplicate, ScreenGradient};
@@ -17,6 +18,7 @@ pub use state::{DeviceState, Outline};
 #[cfg(test)]
 pub(crate) use survey::judge;
 pub use survey::{PruneDecision, PruneRule, Shown, Survey, SurveyRequest};
+pub use times::{FrameTimes, TrainingTimes};
 
 use crate::{Error, Gaussians, Result, depth::Matcher};
 use corf_scene::{Pinhole, Raster, Rigid3};
@@ -206,6 +208,14 @@ pub trait Device: Send {
     /// Memory that the device has taken at present, bytes, where it has memory of its own and counts it.
     fn memory_bytes(&self) -> Option<u64> {
         None
+    }
+
+    /// Where the time of training went since the device was made or this was last asked; `None` from a device that was not told to time itself.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn take_training_times(&mut self) -> Result<Option<TrainingTimes>> {
+        Ok(None)
     }
 
     /// Number of Gaussians held.

@@ -59,16 +59,22 @@ impl Reconstructor {
     /// Expands the field with one keyframe and adds it to the buffer of the schedule.
     pub(super) fn expand(&mut self, mut keyframe: Prepared) -> Result<Expansion> {
         let view = View { camera: self.meta.light_camera, world_from_camera: keyframe.training.world_from_camera };
+        let begin = Instant::now();
         let (seen, judged) = self.survey(view, &mut keyframe)?;
+        let surveyed = Instant::now();
         let late = self.online_steps(self.config.overlapped_iterations());
         let trained = if late.is_empty() { None } else { self.device.begin_training(&late)? };
         let (change, mut expansion) = self.decide(view, &mut keyframe, &seen, &judged)?;
+        let decided = Instant::now();
         let trained = if trained.is_some() { trained } else { self.device.end_training()? };
+        let joining = Instant::now();
         expansion.late = trained.map(|last| Late { steps: late.len(), last, ended: Instant::now() });
         if let Some(truth) = &keyframe.truth_m {
             self.depth_tally.add(expansion.sampled, expansion.dropped, &change.samples, truth);
         }
         self.join(keyframe, &change)?;
+        let spent = [surveyed - begin, decided - surveyed, joining.elapsed()];
+        self.expanding_s.iter_mut().zip(spent).for_each(|(sum, time)| *sum += time.as_secs_f64());
         Ok(expansion)
     }
 
@@ -78,9 +84,13 @@ impl Reconstructor {
         let (seed, stage) = (self.seed, stage::keyed(stage::SAMPLING, keyframe.index));
         let chance = |keyframe: &Prepared, at: (usize, usize)| acceptance(&self.config, keyframe.probability[at], seen.at(at));
         let width = keyframe.probability.width();
-        let drawn = |at: (usize, usize)| laplacian_of_gaussian::accepted(at.1 * width + at.0, chance(keyframe, at), seed, stage);
         // On one thread: this takes a few milliseconds, and threads that prepare keyframes would keep others from their share of it.
-        let pixels: Vec<(usize, usize)> = keyframe.candidates.iter().copied().filter(|&at| drawn(at)).collect();
+        let mut shown = seen.in_order();
+        let drawn = |at: &(usize, usize)| {
+            let chance = acceptance(&self.config, keyframe.probability[*at], shown.at(*at));
+            laplacian_of_gaussian::accepted(at.1 * width + at.0, chance, seed, stage)
+        };
+        let pixels: Vec<(usize, usize)> = keyframe.candidates.iter().copied().filter(drawn).collect();
 
         // How far.
         let ahead = keyframe.matched.take();
@@ -104,7 +114,8 @@ impl Reconstructor {
         }
 
         // Who makes room.
-        let shown = samples.iter().filter_map(|s| Some((s, seen.at((s.x, s.y))?)));
+        let mut shown = seen.in_order();
+        let shown = samples.iter().filter_map(|s| Some((s, shown.at((s.x, s.y))?)));
         let replaced = prune::replaced(judged.len(), shown, config);
         let pruned = prune::pruned(judged, &self.born, self.keyframes_expanded, config);
         let keep: Vec<bool> = replaced.iter().zip(&pruned).map(|(r, p)| !(r | p)).collect();
@@ -210,11 +221,38 @@ impl Seen {
         Self { pixels, shown, rows }
     }
 
+    /// [`Self::at`] of many pixels, row by row.
+    fn in_order(&self) -> InOrder<'_> {
+        InOrder { seen: self, next: 0 }
+    }
+
     /// The rendered values at one pixel (column, row); `None` where it was not asked about.
     fn at(&self, (x, y): (usize, usize)) -> Option<&Shown> {
         let (begin, end) = (*self.rows.get(y)?, *self.rows.get(y + 1)?);
         let place = self.pixels[begin..end].binary_search_by_key(&x, |p| p.0).ok()?;
         self.shown.get(begin + place)
+    }
+}
+
+/// Looks up one pixel after the other, row by row; an earlier one begins anew.
+struct InOrder<'a> {
+    seen: &'a Seen,
+    /// The first pixel that is not before the last one that was looked up.
+    next: usize,
+}
+
+impl<'a> InOrder<'a> {
+    /// As [`Seen::at`].
+    fn at(&mut self, (x, y): (usize, usize)) -> Option<&'a Shown> {
+        let Seen { pixels, shown, .. } = self.seen;
+        let place = |&(x, y): &(usize, usize)| (y, x);
+        if self.next.checked_sub(1).is_some_and(|last| place(&pixels[last]) >= (y, x)) {
+            self.next = 0;
+        }
+        while pixels.get(self.next).is_some_and(|p| place(p) < (y, x)) {
+            self.next += 1;
+        }
+        pixels.get(self.next).filter(|p| **p == (x, y)).and_then(|_| shown.get(self.next))
     }
 }
 
@@ -242,4 +280,23 @@ fn rendered_anchors(seen: &Seen, camera: Pinhole, least_coverage: f32) -> Vec<Sp
     let covered = |at: (usize, usize)| seen.at(at).filter(|s| 1.0 - s.transmittance >= least_coverage);
     let anchor = |(x, y), s: &Shown| SparseDepth { x, y, inverse_depth: over_coverage(s.inverse_depth, s.transmittance) };
     anchor_grid(camera).filter_map(|at| covered(at).map(|s| anchor(at, s))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_looked_up_in_order_is_what_is_looked_up_anywhere() {
+        let pixels: Vec<(usize, usize)> = (0..200).filter(|i| i % 3 != 1).map(|i| (i % 10, i / 10)).collect();
+        let shown = |i: usize| Shown { structure: i as f32, inverse_depth: 0.0, transmittance: 0.0, main_contributor: 0 };
+        let seen = Seen::new(pixels.clone(), (0..pixels.len()).map(shown).collect(), 20);
+        let mut in_order = seen.in_order();
+        // All pixels, then some again from the beginning, one twice.
+        let asked = (0..200).chain([7, 7, 30, 31, 199, 0]).map(|i| (i % 10, i / 10));
+        for at in asked {
+            assert_eq!(in_order.at(at).map(|s| s.structure), seen.at(at).map(|s| s.structure), "{at:?}");
+        }
+        assert_eq!(Seen::default().in_order().at((3, 4)), None);
+    }
 }

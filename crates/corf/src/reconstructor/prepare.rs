@@ -355,8 +355,8 @@ impl Preparer {
         // Nearly in order: what is drawn is.
         asked.sort_by_key(|&(x, y)| (y, x));
         asked.dedup();
-        let (pose, depth) = (extracted.world_from_camera, aligned.as_ref().map(inverse_depth));
-        let training = crate::keyframe::training_view(pose, extracted.light, extracted.radio, depth, extracted.mask, &self.meta);
+        let pose = extracted.world_from_camera;
+        let training = crate::keyframe::training_view(pose, extracted.light, extracted.radio, None, extracted.mask, &self.meta);
         let mut prepared = Prepared {
             index: extracted.index,
             training,
@@ -378,6 +378,9 @@ impl Preparer {
             matching: extracted.matching,
         };
         prepared.correct(self.matcher(), &self.config)?;
+        if prepared.training.inverse_depth.is_none() {
+            prepared.training.inverse_depth = prepared.aligned.as_ref().map(inverse_depth);
+        }
         // A prior that could not be aligned yet may be aligned to the field: then depths have to wait for it.
         if prepared.mono.is_none() || prepared.aligned.is_some() {
             if let Some(pack) = &self.packer {

@@ -28,7 +28,7 @@ pub struct KeyframeReport {
     pub prior_aligned: bool,
     /// Optimisation steps run.
     pub steps: usize,
-    /// Unweighted optical loss of the last step.
+    /// Unweighted optical loss of the last step; 0 where that trained the spectrum alone.
     #[serde(rename = "optical_loss")]
     pub light_loss: f32,
     /// Unweighted RF loss of the last step.

@@ -6,7 +6,7 @@ use self::follow::Follow;
 use super::config::of_method;
 use super::{Verdict, assignments, show};
 use crate::charts::{self, ColourMap};
-use crate::device::DeviceChoice;
+use crate::device::{Backend, DeviceChoice};
 use crate::files::json::{read_numbers, read_text};
 use crate::files::separation::{Reads, keep_apart};
 use crate::live::WhenBehind;
@@ -109,6 +109,10 @@ pub struct Reconstruct {
     /// Device that reconstructs: auto, cpu, gpu, or gpu:N for the N-th adapter.
     #[arg(long, default_value_t)]
     device: DeviceChoice,
+    /// GPU: time each kernel of the training steps by the GPU's own clock, and say in run.json and at the end where the time went; corf-gs methods.
+    /// It costs the steps a little.
+    #[arg(long)]
+    time_kernels: bool,
 }
 
 /// The port of `--view`; a word behind it that was meant for something else is told so.
@@ -132,12 +136,35 @@ impl Reconstruct {
             protocol: self.protocol.unwrap_or(Protocol::ALL),
             when_behind: self.when_behind,
             strict: self.strict,
-            backend: self.device.resolve()?,
+            backend: self.backend()?,
         };
         let info = live.run()?;
+        self.say_untimed(&info);
         let text = info.live.as_ref().map_or(String::new(), |live| format!("\n{}", live.summary()));
         show(json, &info, &(summary(&info) + &text + &ending(&self.out, &info)))?;
         Ok(Verdict::Done)
+    }
+
+    /// The device, told to time its kernels if that is wanted.
+    fn backend(&self) -> Result<Backend> {
+        let backend = self.device.resolve()?;
+        if !self.time_kernels {
+            return Ok(backend);
+        }
+        ensure!(
+            methods::abilities(&self.method).follows,
+            "{}: --time-kernels times the steps of corf-gs\n  help: choose {}, or leave it out",
+            self.method,
+            methods::registry::that(|can| can.follows)
+        );
+        backend.timing_kernels()
+    }
+
+    /// Says where times were asked for and there are none.
+    fn say_untimed(&self, info: &RunInfo) {
+        if self.time_kernels && info.training_times.is_none() {
+            note!("--time-kernels: {} took no times: its adapter has no timestamps, or its steps are not corf-gs's", info.method);
+        }
     }
 
     /// The overrides of file and command line as one table.
@@ -194,7 +221,7 @@ impl Reconstruct {
         let port = self.view.map(|port| Port::hold(port, "--view")).transpose()?;
         let (protocol, overrides) = (self.protocol.unwrap_or_default(), self.overrides()?);
         let mut picture = Picture::plan(self.figure.as_deref(), None, self.colours)?;
-        let backend = self.device.resolve()?;
+        let backend = self.backend()?;
         let mut method = methods::create(&self.method, &overrides, &backend)?;
         if port.is_some() {
             Watching::check(method.as_ref())?;
@@ -290,6 +317,7 @@ impl Reconstruct {
             picture.look(&truth, predicted.halves())?;
             picture.write()?;
         }
+        self.say_untimed(&info);
         show(json, &info, &(summary(&info) + &ending(&self.out, &info)))?;
         if let Some(watching) = watching {
             // What is shown at the end is what was written.
@@ -348,6 +376,9 @@ fn summary(info: &RunInfo) -> String {
     }
     for stage in &info.stages {
         text += &format!("\n  {:<10} {:>10.2} s", stage.name, stage.seconds);
+    }
+    if let Some(times) = &info.training_times {
+        text += &format!("\n{}", times.table());
     }
     if let Some(d) = &info.depth {
         text += "\nrelative error of new Gaussians' depths    share   median      p90";

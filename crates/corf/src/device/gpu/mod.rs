@@ -10,6 +10,7 @@
 //! Between adapters, and against the CPU device, results differ by rounding (exp2, sqrt and division are not correctly rounded).
 
 mod capacity;
+mod clock;
 pub mod deformed;
 mod dense;
 mod density;
@@ -34,9 +35,10 @@ mod work;
 
 use super::{
     DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient,
-    Step, StepReport, Survey, SurveyRequest, TrainingView, ViewId, check_channels,
+    Step, StepReport, Survey, SurveyRequest, TrainingTimes, TrainingView, ViewId, check_channels,
 };
 use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result, depth::Matcher};
+use clock::Clock;
 use corf_gpu::{AdapterOptions, Context, Reading, Scratch};
 use deformed::StandIns;
 use frame::{Forward, Memory};
@@ -77,7 +79,7 @@ pub struct GpuDevice {
     dense_steps: u32,
     /// Gaussians that stand in the place of those held; made when there are some.
     stand_ins: Option<StandIns>,
-    times: GpuStageTimes,
+    clock: Clock,
     timing: bool,
     last: Counts,
     /// Error of steps that were begun and came to nothing: what is held is not what was asked for, and every call from then on says so.
@@ -135,7 +137,7 @@ impl GpuDevice {
             surveyor,
             memory,
             keyframe_cache: KeyframeCache::new(options.keyframe_bytes),
-            times: GpuStageTimes::default(),
+            clock: Clock::default(),
             last: Counts::default(),
             failed: None,
             begun: None,
@@ -232,6 +234,11 @@ impl Device for GpuDevice {
         self.ready()?;
         self.marked = None;
         self.store.restore(&self.context, state)
+    }
+
+    fn take_training_times(&mut self) -> Result<Option<TrainingTimes>> {
+        self.ready()?;
+        self.take_times()
     }
 
     fn len(&self) -> usize {

@@ -91,8 +91,8 @@ pub(super) fn transposed(a: &Appearance, shape: HarmonicsShape) -> Vec<f32> {
     let (k, c) = (shape.coefficients(), shape.channels);
     let mut out = vec![0.0; a.opacity_logit.len() * shape.words()];
     for (row, one) in out.chunks_exact_mut(shape.words()).zip(a.sh.chunks_exact(k * c)) {
-        for (n, value) in row[..k * c].iter_mut().enumerate() {
-            *value = one[(n % k) * c + n / k];
+        for (channel, coefficients) in row.chunks_exact_mut(k).take(c).enumerate() {
+            coefficients.iter_mut().zip(one.iter().skip(channel).step_by(c)).for_each(|(to, from)| *to = *from);
         }
     }
     out

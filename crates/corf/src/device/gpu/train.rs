@@ -13,8 +13,8 @@ use crate::{
     Error, Gaussians, OptimizerConfig, Result,
     device::{DenseStep, Step, StepReport, cpu::pyramid::check_levels},
 };
-use corf_gpu::{Context, Reading, Timestamps};
-use std::collections::BTreeMap;
+use corf_gpu::{Reading, Timestamps};
+use std::{collections::BTreeMap, time::Instant};
 
 /// Names of a step's kernels, in order.
 pub const STAGES: [&str; 11] =
@@ -183,7 +183,9 @@ impl GpuDevice {
     /// Submits what is left of a batch.
     fn launch(&mut self, batch: &mut Batch, destination: Destination<'_>) -> Result<Reading<u32>> {
         self.make_room(batch)?;
+        let begin = Instant::now();
         self.submit(&batch.steps[batch.done..], destination)?;
+        self.clock.host.recording_s += begin.elapsed().as_secs_f64();
         self.begin_report(batch)
     }
 
@@ -205,16 +207,24 @@ impl GpuDevice {
 
     /// Waits for what was submitted of a batch; nothing to report where steps are left for lack of room.
     pub(super) fn absorb(&mut self, batch: &mut Batch, reading: Reading<u32>) -> Result<Option<StepReport>> {
+        let begin = Instant::now();
         let read = reading.finish(&self.context)?;
+        self.clock.host.waiting_s += begin.elapsed().as_secs_f64();
+        self.clock.settle(&self.context)?;
         let (state, last) = (&read[0], &batch.last);
         batch.done += state[STEPS] as usize;
         if state[FAILED] != 0 {
             batch.room = BufferCapacity::asked(state, batch.extent.most(&self.context, &self.shapes[0]));
+            self.clock.host.repeated += 1;
             return Ok(None);
         }
         if batch.done < batch.steps.len() {
             return Err(Error::invalid("gpu, training", "a step neither ran nor failed", "this is a defect of the driver"));
         }
+        let host = &mut self.clock.host;
+        host.batches += 1;
+        host.visible += u64::from(state[VISIBLE]);
+        host.pairs += u64::from(state[NEEDED]);
         self.last = Counts {
             visible: state[VISIBLE] as usize,
             pairs: state[NEEDED] as usize,
@@ -275,7 +285,8 @@ impl GpuDevice {
             }
             context.submit(encoder);
             if let Some(clock) = clock {
-                self.times.add(context, &clock.read(context, stamps)?);
+                self.clock.expect(clock.begin_reading(context, stamps)?, some.iter().map(|s| &s.params), done > 0);
+                self.clock.host.submissions += 1;
             }
             done += some.len();
             many = (2 * many).min(STEPS_PER_SUBMISSION);
@@ -303,18 +314,6 @@ impl GpuDevice {
         let report = self.run(std::slice::from_ref(step), Destination::Written(buffers))?;
         Ok((report, self.store.read(&self.context, buffers)?))
     }
-
-    /// Whether the stages of the steps that follow are timed, which costs them a little; the device must have been made with
-    /// [`corf_gpu::AdapterOptions::timestamps`].
-    pub fn time_stages(&mut self, on: bool) {
-        self.timing = on && self.context.timestamps;
-    }
-
-    /// Time on the device since it was made or this was last called; nothing unless it was made with
-    /// [`corf_gpu::AdapterOptions::timestamps`] and the adapter has them.
-    pub fn take_stage_times(&mut self) -> Option<GpuStageTimes> {
-        self.context.timestamps.then(|| std::mem::take(&mut self.times))
-    }
 }
 
 /// Losses from the sums of S, |x − y| and confidence·|I − target| over the three channels of each block.
@@ -339,16 +338,4 @@ fn report_of(p: &Params, visible: usize, blocks: &[u32], ssim_weight: f32) -> St
     let light_pixels = f64::from(p.grids[0].size[0]) * f64::from(p.grids[0].size[1]);
     let depth_loss = if p.grids[0].depth_scale > 0.0 { (sums[0][2] / light_pixels) as f32 } else { 0.0 };
     StepReport { light_loss: loss(0), radio_loss: loss(1), depth_loss, visible }
-}
-
-impl GpuStageTimes {
-    /// Adds the times between the timestamps around the stages of some steps.
-    fn add(&mut self, context: &Context, stamps: &[u64]) {
-        for step in stamps.chunks_exact(STAGES.len() + 1) {
-            self.steps += 1;
-            for (sum, pair) in self.seconds.iter_mut().zip(step.windows(2)) {
-                *sum += Timestamps::seconds(context, pair[0], pair[1]);
-            }
-        }
-    }
 }
