@@ -47,6 +47,14 @@ impl Default for WrfGsPlusRates {
     }
 }
 
+/// Of the published program's first Gaussians.
+const PUBLISHED_SPREAD_M: f32 = 20.0;
+
+/// Records of receivers that move say nothing of arrays that stand still.
+fn is_published_spread(spread_m: &f32) -> bool {
+    *spread_m == PUBLISHED_SPREAD_M
+}
+
 /// The configuration of a WRF-GS+ reconstruction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -60,6 +68,9 @@ pub struct WrfGsPlusConfig {
     pub random_points: usize,
     /// Half side of the cube around the cameras in which they lie, in units of the cameras' extent (3).
     pub random_extent: f32,
+    /// Standard deviation of their places around an array that stands still, metres (20).
+    #[serde(skip_serializing_if = "is_published_spread")]
+    pub array_spread_m: f32,
     /// Their opacity (0.1).
     pub initial_opacity: f32,
     /// Gaussians nearer than this to the image plane are not drawn, metres (0.2).
@@ -97,6 +108,7 @@ impl Default for WrfGsPlusConfig {
             radio_target: RadioTarget::Jet,
             random_points: 200_000,
             random_extent: 3.0,
+            array_spread_m: PUBLISHED_SPREAD_M,
             initial_opacity: 0.1,
             near_m: 0.2,
             extent_m: 2.0,
@@ -133,6 +145,7 @@ impl WrfGsPlusConfig {
             ("iterations", steps(self.iterations), "1 to 100 000 000 (10 000)"),
             ("random_points", (16..=20_000_000).contains(&self.random_points), "16 to 20 000 000 (200 000)"),
             ("random_extent", positive(self.random_extent), "positive (3)"),
+            ("array_spread_m", positive(self.array_spread_m), "positive, metres (20)"),
             ("initial_opacity", probability(self.initial_opacity), "strictly between 0 and 1 (0.1)"),
             ("extent_m", positive(self.extent_m), "positive, metres (2)"),
             ("layers", (1..=64).contains(&self.layers), "1 to 64 (8)"),
