@@ -2,7 +2,7 @@
 
 use crate::rf_3dgs::DensityConfig;
 use corf::{
-    Antialias, Appearance, AppearanceRates, Error, Gaussians, OptimizerConfig, RasterConfig, Result, target::RadioTarget,
+    Antialias, Appearance, AppearanceRates, Error, Gaussians, IdleKey, OptimizerConfig, RasterConfig, Result, target::RadioTarget,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -47,14 +47,6 @@ impl Default for WrfGsPlusRates {
     }
 }
 
-/// Of the published program's first Gaussians.
-const PUBLISHED_SPREAD_M: f32 = 20.0;
-
-/// Records of receivers that move say nothing of arrays that stand still.
-fn is_published_spread(spread_m: &f32) -> bool {
-    *spread_m == PUBLISHED_SPREAD_M
-}
-
 /// The configuration of a WRF-GS+ reconstruction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -66,10 +58,9 @@ pub struct WrfGsPlusConfig {
     pub radio_target: RadioTarget,
     /// Number of the first Gaussians (200 000).
     pub random_points: usize,
-    /// Half side of the cube around the cameras in which they lie, in units of the cameras' extent (3).
+    /// Half side of the cube around the cameras in which they lie where receivers move, in units of the cameras' extent (3).
     pub random_extent: f32,
     /// Standard deviation of their places around an array that stands still, metres (20).
-    #[serde(skip_serializing_if = "is_published_spread")]
     pub array_spread_m: f32,
     /// Their opacity (0.1).
     pub initial_opacity: f32,
@@ -108,7 +99,7 @@ impl Default for WrfGsPlusConfig {
             radio_target: RadioTarget::Jet,
             random_points: 200_000,
             random_extent: 3.0,
-            array_spread_m: PUBLISHED_SPREAD_M,
+            array_spread_m: 20.0,
             initial_opacity: 0.1,
             near_m: 0.2,
             extent_m: 2.0,
@@ -190,6 +181,18 @@ impl WrfGsPlusConfig {
             epsilon: 1e-15,
             ssim_weight: r.ssim_weight,
         }
+    }
+
+    /// Keys that mean nothing where the array stands still (`of_array`), or where receivers move.
+    pub fn idle_keys(&self, of_array: bool) -> Vec<IdleKey> {
+        const MOVING: &str = "it is of receivers that move, and here the array stands still";
+        const FIXED: &str = "it is of an array that stands still, and here receivers move";
+        const CHANNELS: &str = "of an array that stands still the level is the magnitude of two channels, as published";
+        IdleKey::all([
+            ("random_extent", !of_array, MOVING),
+            ("rf_target", !of_array, CHANNELS),
+            ("array_spread_m", of_array, FIXED),
+        ])
     }
 
     /// No Gaussians yet, of the target's channels and degree 0: what a device is made with. Their light is not used.

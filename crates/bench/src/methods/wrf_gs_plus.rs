@@ -10,6 +10,7 @@ use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, Trainin
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Result, ensure};
+use corf::IdleKey;
 use corf_baselines::wrf_gs_plus::{
     ArrayTrainer, CpuTrainer, Model, Trainer, WrfGsPlusCheckpoint, WrfGsPlusConfig, WrfGsPlusField, WrfGsPlusReconstructor,
 };
@@ -166,6 +167,11 @@ impl Method for WrfGsPlus {
     /// The box in which the first Gaussians lie follows from the extent of the receivers.
     fn least_keyframes(&self) -> usize {
         2
+    }
+
+    fn idle_keys(&self, training: Option<&TrainingSet<'_>>) -> Result<Vec<IdleKey>> {
+        // Before it is known what they are used on, all of them may mean something.
+        Ok(training.map_or_else(Vec::new, |training| self.config.idle_keys(training.fixed_array().is_some())))
     }
 
     fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {
