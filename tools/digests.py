@@ -51,6 +51,8 @@ METHODS = {
     "corf-array": "light.iterations_per_keyframe = 30",
     "rf-3dgs": OFFLINE,
     "rf-3dgs-corrected": OFFLINE,
+    "rf-3dgs-fresh-moments": OFFLINE,
+    "rf-3dgs-floor": OFFLINE,
     "nerf2": RAYS,
     "nerf2-corrected": RAYS,
     "wrf-gs-plus": DEFORMED,

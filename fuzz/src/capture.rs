@@ -3,7 +3,7 @@
 use crate::files::{parts, put};
 use anyhow::Result;
 use corf_scene::capture::{self, CaptureOptions, Format, RadioCamera};
-use corf_scene::dataset::stem;
+use corf_scene::dataset::{Dataset, import_fixed_array, stem};
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Raster, io};
 use std::path::Path;
@@ -105,4 +105,50 @@ pub(crate) fn spectrum_npy(bytes: &[u8], folder: &Path) -> Result<()> {
 
 pub(crate) fn spectrum_png(bytes: &[u8], folder: &Path) -> Result<()> {
     spectrum(bytes, folder, "png")
+}
+
+/// A plain capture of spectra alone, whose sensor this file states.
+pub(crate) fn spectra_json(bytes: &[u8], folder: &Path) -> Result<()> {
+    let spectra = folder.join("spectra");
+    if !spectra.exists() {
+        std::fs::create_dir_all(&spectra)?;
+        let pose = |x: usize| format!("[[1,0,0,{x}],[0,1,0,0],[0,0,1,0],[0,0,0,1]]");
+        let keyframe = |(x, name): (usize, &str)| format!("{{\"file\": \"{name}\", \"world_from_camera\": {}}}", pose(x));
+        let keyframes: Vec<String> = ["a", "b"].into_iter().enumerate().map(keyframe).collect();
+        put(folder, "trajectory.json", format!("{{\"keyframes\": [{}]}}", keyframes.join(",")).as_bytes())?;
+        for name in ["a", "b"] {
+            put(&spectra, &format!("{name}.npy"), include_bytes!("../corpus/spectrum-npy/f4.npy"))?;
+        }
+    }
+    put(folder, "spectra.json", bytes)?;
+    examine(&CaptureOptions {
+        without_images: true,
+        radio: Some(spectra),
+        radio_camera: Some(RadioCamera::HorizontalFovDeg(90.0)),
+        ..CaptureOptions::new(Format::CorfFolder, folder)
+    })
+}
+
+/// A set of an array that stands still, with two spectra: the gateway, places and both lists. What was taken is a data set.
+pub(crate) fn fixed_array(bytes: &[u8], folder: &Path) -> Result<()> {
+    let (set, out) = (folder.join("set"), folder.join("out"));
+    std::fs::create_dir_all(set.join("spectrum"))?;
+    for name in ["00001", "00002"] {
+        let path = set.join("spectrum").join(name).with_extension("png");
+        if !path.exists() {
+            put(folder, "level.png", &io::encode_png8(&Raster::from_fn(360, 90, |x, y| (x + y) as u8))?)?;
+            std::fs::rename(folder.join("level.png"), path)?;
+        }
+    }
+    let files: [&[u8]; 4] = parts(bytes);
+    for (name, content) in ["gateway_info.yml", "tx_pos.csv", "train_index.txt", "test_index.txt"].iter().zip(files) {
+        put(&set, name, content)?;
+    }
+    std::fs::remove_dir_all(&out).ok();
+    let taken = import_fixed_array(&set, &out, "fuzz", &|_, _| Ok::<(), corf_scene::Error>(()))?;
+    let dataset = Dataset::open_any(&out)?;
+    let array = dataset.fixed_array().expect("the set is of an array that stands still");
+    assert!(dataset.len() == taken.keyframes && taken.keyframes > 0, "{} keyframes of {}", dataset.len(), taken.keyframes);
+    assert!(array.directions().pixels().iter().all(|d| (d.length() - 1.0).abs() < 1e-9), "a direction is no unit vector");
+    Ok(())
 }

@@ -3,9 +3,10 @@
 use crate::capture;
 use crate::files::{parts, put};
 use anyhow::{Context, Result};
-use corf_scene::config::{DatasetConfig, SceneConfig, from_toml};
+use corf_scene::config::{AntennaPattern, DatasetConfig, SceneConfig, from_toml};
 use corf_scene::dataset::Dataset;
 use corf_scene::{Pinhole, import, io, npz};
+use glam::DVec3;
 use std::path::{Path, PathBuf};
 
 /// A parser.
@@ -19,7 +20,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 28] = [
+pub const TARGETS: [Target; 31] = [
     Target { name: "gltf", read: gltf, mend: keep },
     Target { name: "glb", read: gltf, mend: glb_lengths },
     Target { name: "obj", read: obj, mend: keep },
@@ -48,6 +49,9 @@ pub const TARGETS: [Target; 28] = [
     Target { name: "rf-3dgs-lists", read: capture::rf_3dgs_lists, mend: keep },
     Target { name: "spectrum-npy", read: capture::spectrum_npy, mend: keep },
     Target { name: "spectrum-png", read: capture::spectrum_png, mend: png_checksums },
+    Target { name: "spectra-json", read: capture::spectra_json, mend: keep },
+    Target { name: "fixed-array", read: capture::fixed_array, mend: keep },
+    Target { name: "pattern-csv", read: pattern, mend: keep },
 ];
 
 /// No parser: it fails in every way that is to be found, and shows that it is. It runs by name alone.
@@ -137,6 +141,19 @@ fn obj(bytes: &[u8], folder: &Path) -> Result<()> {
         io::write_png(texture, &corf_scene::Raster::filled(2, 2, [9, 8, 7]))?;
     }
     check(&import::load(put(folder, "room.obj", obj)?)?);
+    Ok(())
+}
+
+/// A pattern's settings and its file. A gain that is none is as bad as a panic: whole spectra are made of it.
+fn pattern(bytes: &[u8], folder: &Path) -> Result<()> {
+    let [settings, table] = parts(bytes);
+    put(folder, "pattern.csv", table)?;
+    let stated: AntennaPattern = serde_json::from_slice(settings)?;
+    let read = stated.read(folder, "input")?;
+    for direction in [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::Z, DVec3::NEG_Z, DVec3::new(0.6, -0.64, 0.48)] {
+        let amplitude = read.amplitude(direction);
+        assert!(amplitude.is_finite() && amplitude >= 0.0, "an amplitude of {amplitude} towards {direction}");
+    }
     Ok(())
 }
 

@@ -304,6 +304,8 @@ fn trials(depth_maps: &Path, gaussians: &Path) -> Vec<Trial> {
         trial(Keys::All, vec![of("rf-3dgs", RF_3DGS, LOBES), of("rf-3dgs", &random, LOBES), of("rf-3dgs", &begun, LOBES)]),
         trial(Keys::Of("rates."), vec![of("rf-3dgs", &format!("{begun}initial_gaussians = {gaussians:?}\n"), LOBES)]),
         all("rf-3dgs-corrected", RF_3DGS, LOBES),
+        unlike("rf-3dgs-fresh-moments", RF_3DGS, "rf-3dgs"),
+        unlike("rf-3dgs-floor", RF_3DGS, "rf-3dgs"),
         all("nerf2", NERF2, LOBES),
         unlike("nerf2-corrected", NERF2, "nerf2"),
         all("wrf-gs-plus", WRF, LOBES),

@@ -11,7 +11,8 @@ use corf::{
 };
 use corf_scene::words::counted;
 use corf_scene::{Light, Pinhole, Raster, Rigid3, Rng, io::write_atomic};
-use glam::DVec3;
+use corf_scene::dataset::FixedArray;
+use glam::{DQuat, DVec3};
 use std::path::Path;
 
 /// A point with its colour.
@@ -85,6 +86,19 @@ pub fn random(poses: &[Rigid3], count: usize, half_side_m: f64, seed: u64) -> Ve
         let mut rng = Rng::keyed(seed, stage::INITIAL_POINTS, i as u64);
         let offset = DVec3::from_array([0; 3].map(|_| half_side_m * (2.0 * rng.uniform_f64() - 1.0)));
         SparsePoint { position: (centre + offset).as_vec3().to_array(), color: [128; 3] }
+    };
+    (0..count).map(point).collect()
+}
+
+/// Points of any colour, normal around an array and mirrored to above it: what lies below is not in its spectrum.
+pub fn above(array: &FixedArray, count: usize, spread_m: f64, seed: u64) -> Vec<Point> {
+    let [x, y, z, w] = array.orientation_xyzw;
+    let room_from_array = DQuat::from_xyzw(x, y, z, w).normalize();
+    let point = |i: usize| {
+        let mut rng = Rng::keyed(seed, stage::INITIAL_POINTS, i as u64);
+        let [x, y, z] = [0; 3].map(|_| spread_m * rng.normal());
+        let position = DVec3::from(array.position_m) + room_from_array * DVec3::new(x, y, z.abs());
+        Point { position: position.as_vec3().to_array(), color: [0; 3].map(|_| (256.0 * rng.uniform_f64()) as u8) }
     };
     (0..count).map(point).collect()
 }

@@ -2,7 +2,7 @@
 
 use crate::rf_3dgs::DensityConfig;
 use corf::{
-    Antialias, Appearance, AppearanceRates, Error, Gaussians, OptimizerConfig, RasterConfig, Result, target::RadioTarget,
+    Antialias, Appearance, AppearanceRates, Error, Gaussians, IdleKey, OptimizerConfig, RasterConfig, Result, target::RadioTarget,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -58,8 +58,10 @@ pub struct WrfGsPlusConfig {
     pub radio_target: RadioTarget,
     /// Number of the first Gaussians (200 000).
     pub random_points: usize,
-    /// Half side of the cube around the cameras in which they lie, in units of the cameras' extent (3).
+    /// Half side of the cube around the cameras in which they lie where receivers move, in units of the cameras' extent (3).
     pub random_extent: f32,
+    /// Standard deviation of their places around an array that stands still, metres (20).
+    pub array_spread_m: f32,
     /// Their opacity (0.1).
     pub initial_opacity: f32,
     /// Gaussians nearer than this to the image plane are not drawn, metres (0.2).
@@ -97,6 +99,7 @@ impl Default for WrfGsPlusConfig {
             radio_target: RadioTarget::Jet,
             random_points: 200_000,
             random_extent: 3.0,
+            array_spread_m: 20.0,
             initial_opacity: 0.1,
             near_m: 0.2,
             extent_m: 2.0,
@@ -133,6 +136,7 @@ impl WrfGsPlusConfig {
             ("iterations", steps(self.iterations), "1 to 100 000 000 (10 000)"),
             ("random_points", (16..=20_000_000).contains(&self.random_points), "16 to 20 000 000 (200 000)"),
             ("random_extent", positive(self.random_extent), "positive (3)"),
+            ("array_spread_m", positive(self.array_spread_m), "positive, metres (20)"),
             ("initial_opacity", probability(self.initial_opacity), "strictly between 0 and 1 (0.1)"),
             ("extent_m", positive(self.extent_m), "positive, metres (2)"),
             ("layers", (1..=64).contains(&self.layers), "1 to 64 (8)"),
@@ -177,6 +181,18 @@ impl WrfGsPlusConfig {
             epsilon: 1e-15,
             ssim_weight: r.ssim_weight,
         }
+    }
+
+    /// Keys that mean nothing where the array stands still (`of_array`), or where receivers move.
+    pub fn idle_keys(&self, of_array: bool) -> Vec<IdleKey> {
+        const MOVING: &str = "it is of receivers that move, and here the array stands still";
+        const FIXED: &str = "it is of an array that stands still, and here receivers move";
+        const CHANNELS: &str = "of an array that stands still the level is the magnitude of two channels, as published";
+        IdleKey::all([
+            ("random_extent", !of_array, MOVING),
+            ("rf_target", !of_array, CHANNELS),
+            ("array_spread_m", of_array, FIXED),
+        ])
     }
 
     /// No Gaussians yet, of the target's channels and degree 0: what a device is made with. Their light is not used.

@@ -5,7 +5,7 @@ use super::trainer::{DeformedStep, NETWORK_ADAM, Trainer};
 use super::{Deformation, Model, WrfGsPlusConfig};
 use crate::mlp::Trained;
 use corf::device::cpu::deformed::Rows;
-use corf::device::{Device, Layer, RenderRequest, StepReport, View};
+use corf::device::{Device, Planes, RenderRequest, StepReport, View};
 use corf::{CpuDevice, Error, Result};
 
 /// Trains and renders with all threads of the processor.
@@ -16,7 +16,7 @@ pub struct CpuTrainer {
 }
 
 /// The parameters that a deformation concerns.
-fn shapes(rows: &Rows, channels: usize) -> Vec<Shape<f32>> {
+pub(super) fn shapes(rows: &Rows, channels: usize) -> Vec<Shape<f32>> {
     let shape = |(c, radio): (&[f32; 12], &[f32])| {
         let mut dc = [0.0; 3];
         dc[..channels].copy_from_slice(radio);
@@ -26,7 +26,7 @@ fn shapes(rows: &Rows, channels: usize) -> Vec<Shape<f32>> {
 }
 
 /// Puts them in the place of those in `rows`, whose opacities stay.
-fn put<'a>(rows: &mut Rows, channels: usize, shapes: impl Iterator<Item = &'a Shape<f32>>) {
+pub(super) fn put<'a>(rows: &mut Rows, channels: usize, shapes: impl Iterator<Item = &'a Shape<f32>>) {
     for ((core, radio), s) in rows.core.iter_mut().zip(rows.radio.chunks_exact_mut(channels)).zip(shapes) {
         core[..3].copy_from_slice(&s.position);
         core[3..7].copy_from_slice(&s.rotation);
@@ -83,16 +83,17 @@ impl Trainer for CpuTrainer {
         Ok(report)
     }
 
-    fn render(&mut self, view: &View, background: [f32; 3]) -> Result<Layer> {
+    fn render(&mut self, view: &View, background: [f32; 3]) -> Result<Planes> {
         let mut rows = self.device.rows();
         let receiver_m = view.world_from_camera.translation.as_vec3().to_array();
         let deformed = self.deformation.apply(&shapes(&rows, self.channels), receiver_m);
         put(&mut rows, self.channels, deformed.iter().map(|d| &d.0));
         let request = RenderRequest { radio: Some((*view, background)), ..RenderRequest::default() };
         let rendering = self.device.render_rows(&request, rows)?;
-        rendering
+        let layer = rendering
             .radio
-            .ok_or_else(|| Error::invalid(self.device.name(), "the device rendered no RF", "this is a defect of the device"))
+            .ok_or_else(|| Error::invalid(self.device.name(), "the device rendered no RF", "this is a defect of the device"));
+        Ok(layer?.color)
     }
 
     fn network(&mut self) -> Result<Trained<f32>> {

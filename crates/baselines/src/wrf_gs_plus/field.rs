@@ -6,6 +6,7 @@ use corf::device::{Planes, View};
 use corf::files::tensors::{self, Kind, Tensor, Tensors};
 use corf::{Appearance, FieldMeta, Gaussians, Result};
 use corf_scene::Rigid3;
+use corf_scene::dataset::FixedArray;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -16,6 +17,8 @@ pub struct WrfGsPlusField {
     pub config: WrfGsPlusConfig,
     /// Cameras, target and range.
     pub meta: FieldMeta,
+    /// The array, if it stands still while the transmitter moves; the cameras mean nothing then but for their size.
+    pub array: Option<FixedArray>,
     /// The Gaussians without deformation; their light is not used.
     pub gaussians: Gaussians,
     /// Parameters of the network.
@@ -27,6 +30,8 @@ pub struct WrfGsPlusField {
 struct Header {
     config: WrfGsPlusConfig,
     meta: FieldMeta,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    array: Option<FixedArray>,
     gaussians: usize,
 }
 
@@ -86,7 +91,7 @@ impl WrfGsPlusField {
     /// # Errors
     /// A parameter that is not finite, a file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let header = Header { config: self.config.clone(), meta: self.meta, gaussians: self.gaussians.len() };
+        let header = Header { config: self.config.clone(), meta: self.meta, array: self.array, gaussians: self.gaussians.len() };
         let mut all = tensors("gaussians", &self.gaussians);
         all.push(Tensor::new("network.parameters", &[self.parameters.len()], &self.parameters[..]));
         tensors::write(path, &KIND, &header, all)
@@ -102,7 +107,7 @@ impl WrfGsPlusField {
         header.meta.validate()?;
         let gaussians = gaussians(&header.config, &file, "gaussians", header.gaussians)?;
         let parameters = file.values("network.parameters", &[Model::new(&header.config).network.parameters()])?;
-        Ok(Self { config: header.config, meta: header.meta, gaussians, parameters })
+        Ok(Self { config: header.config, meta: header.meta, array: header.array, gaussians, parameters })
     }
 }
 
@@ -110,5 +115,5 @@ impl WrfGsPlusField {
 pub(super) fn render(meta: &FieldMeta, trainer: &mut dyn Trainer, world_from_camera: &Rigid3) -> Result<Planes> {
     let background = meta.radio_background.unwrap_or(meta.radio_target.floor_color());
     let view = View { camera: meta.radio_camera, world_from_camera: *world_from_camera };
-    Ok(trainer.render(&view, background)?.color)
+    trainer.render(&view, background)
 }

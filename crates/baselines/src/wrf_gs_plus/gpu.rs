@@ -9,7 +9,7 @@ use crate::mlp::Trained;
 use crate::mlp::gpu::{ENCODING, GpuNetwork, vectors};
 use corf::device::gpu::deformed::{ADAM, Buffers, DeformationPass, SLOTS};
 use corf::device::gpu::{GpuDevice, GpuOptions};
-use corf::device::{DenseStep, Device, Layer, RenderRequest, StepReport, View};
+use corf::device::{DenseStep, Device, Planes, RenderRequest, StepReport, View};
 use corf::{Error, OptimizerConfig, Result};
 use corf_gpu::{AdapterOptions, Bound, Context, GROUP_NUMBER, Kernel, SIN_COS, UNIFORM_STRIDE, record};
 
@@ -246,14 +246,15 @@ impl Trainer for GpuTrainer {
         self.device.train_deformed(&dense, &mut self.deforming)
     }
 
-    fn render(&mut self, view: &View, background: [f32; 3]) -> Result<Layer> {
+    fn render(&mut self, view: &View, background: [f32; 3]) -> Result<Planes> {
         self.deforming.steps.clear();
         self.deforming.receiver_m = view.world_from_camera.translation.as_vec3().to_array();
         let request = RenderRequest { radio: Some((*view, background)), ..RenderRequest::default() };
         let rendering = self.device.render_deformed(&request, &mut self.deforming)?;
-        rendering
+        let layer = rendering
             .radio
-            .ok_or_else(|| Error::invalid(self.device.name(), "the device rendered no RF", "this is a defect of the device"))
+            .ok_or_else(|| Error::invalid(self.device.name(), "the device rendered no RF", "this is a defect of the device"));
+        Ok(layer?.color)
     }
 
     fn network(&mut self) -> Result<Trained<f32>> {

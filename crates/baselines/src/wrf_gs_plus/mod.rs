@@ -1,8 +1,8 @@
 //! WRF-GS+ (Wen et al. 2025), the baseline of deformable Gaussians: 3D Gaussian splatting of the spectra alone, of Gaussians that a network
-//! deforms for each receiver. The transmitter is fixed, so that what varies is the receiver's position.
+//! deforms for each receiver. What varies is the receiver's position or, where the array stands still as in the paper, the transmitter's.
 //!
 //! [`Model`] is the network, [`Rule`] says what its predictions do to a Gaussian, a [`Trainer`] does the arithmetic ([`CpuTrainer`], or
-//! `GpuTrainer` with the feature `gpu`), and a [`WrfGsPlusReconstructor`] decides: views, rates, density control. Gaussians are of degree 0 and live
+//! `GpuTrainer` with the feature `gpu`; [`ArrayTrainer`] where the array stands still), and a [`WrfGsPlusReconstructor`] decides: views, rates, density control. Gaussians are of degree 0 and live
 //! in the RF half of a [`Device`](corf::Device); light is not used.
 
 mod checkpoint;
@@ -17,6 +17,7 @@ mod gpu_tests;
 mod model;
 mod reconstructor;
 mod rule;
+mod sphere;
 #[cfg(test)]
 mod tests;
 mod trainer;
@@ -31,4 +32,5 @@ pub use gpu::GpuTrainer;
 pub use model::Model;
 pub use reconstructor::WrfGsPlusReconstructor;
 pub use rule::{Offsets, Rule, Shape};
+pub use sphere::ArrayTrainer;
 pub use trainer::{DeformedStep, Trainer};

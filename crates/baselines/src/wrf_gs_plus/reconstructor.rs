@@ -7,7 +7,8 @@ use super::field::{self, WrfGsPlusField};
 use super::{DeformedStep, Trainer, WrfGsPlusConfig};
 use crate::rf_3dgs::{DensityCounts, Epochs, control_density, log_linear, points};
 use corf::device::{DenseStep, Modality, Planes, Step, StepReport, TrainingView};
-use corf::{Error, FieldMeta, Result};
+use corf::{Error, FieldMeta, RadioTarget, Result};
+use corf_scene::dataset::FixedArray;
 use corf_scene::words::counted;
 use corf_scene::{Keyframe, Pinhole, Rigid3, keyframe::DbRange};
 
@@ -20,6 +21,8 @@ pub struct WrfGsPlusReconstructor {
     pub(super) trainer: Box<dyn Trainer>,
     pub(super) config: WrfGsPlusConfig,
     pub(super) meta: FieldMeta,
+    /// The array, if it stands still while the transmitter moves.
+    pub(super) array: Option<FixedArray>,
     pub(super) seed: u64,
     pub(super) poses: Vec<Rigid3>,
     epochs: Option<Epochs>,
@@ -58,7 +61,27 @@ impl WrfGsPlusReconstructor {
             return Err(Error::invalid(device.name(), what, "make a fresh trainer of the same configuration"));
         }
         let (poses, epochs, done, counts) = (vec![], None, 0, DensityCounts::default());
-        Ok(Self { trainer, config, meta, seed, poses, epochs, done, counts })
+        Ok(Self { trainer, config, meta, array: None, seed, poses, epochs, done, counts })
+    }
+
+    /// The same of an array that stands still: keyframes are places of the transmitter, spectra are grey levels over the array's directions, and
+    /// `trainer` is an [`ArrayTrainer`](super::ArrayTrainer) of the same array.
+    ///
+    /// # Errors
+    /// Those of [`Self::new`].
+    pub fn of_array(
+        trainer: Box<dyn Trainer>,
+        config: WrfGsPlusConfig,
+        array: FixedArray,
+        levels: DbRange,
+        seed: u64,
+    ) -> Result<Self> {
+        // There is no pinhole: of this one, only the size means something.
+        let size = Pinhole { width: array.azimuths, height: array.elevations, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 };
+        let mut out = Self::new(trainer, config, size, size, levels, seed)?;
+        out.meta.radio_target = RadioTarget::Db;
+        out.array = Some(array);
+        Ok(out)
     }
 
     /// Takes a training keyframe; what its camera saw is not looked at.
@@ -87,21 +110,31 @@ impl WrfGsPlusReconstructor {
             inverse_depth: None,
             mask: None,
         };
-        self.trainer.device().upload(&view, 1)?;
+        self.trainer.upload(&view)?;
         self.poses.push(keyframe.world_from_camera);
         Ok(())
     }
 
-    /// Makes the first Gaussians: uniform in a cube around the receivers, as wide as the distance to their neighbours, without a signal.
+    /// Makes the first Gaussians, as wide as the distance to their neighbours: uniform in a cube around the receivers, without a signal; around an
+    /// array that stands still normal, above it, of any signal.
     ///
     /// # Errors
     /// No keyframes, or all of them in one place; the device's errors.
     pub fn begin(&mut self) -> Result<()> {
         self.settle()?;
         let c = &self.config;
-        let half_side_m = f64::from(c.random_extent) * points::extent_m(&self.poses);
-        let first = points::random(&self.poses, c.random_points, half_side_m, self.seed);
+        let first = match &self.array {
+            None => {
+                let half_side_m = f64::from(c.random_extent) * points::extent_m(&self.poses);
+                points::random(&self.poses, c.random_points, half_side_m, self.seed)
+            }
+            Some(array) => points::above(array, c.random_points, f64::from(c.array_spread_m), self.seed),
+        };
         let mut gaussians = points::gaussians(&first, c.empty_field(), c.initial_opacity)?;
+        if self.array.is_some() {
+            // What a point's colour is in light, it is in the channels here.
+            gaussians.radio.sh.clone_from(&gaussians.light.sh);
+        }
         gaussians.light.sh.fill(0.0);
         self.trainer.device().append(&gaussians)
     }
@@ -189,7 +222,7 @@ impl WrfGsPlusReconstructor {
     pub fn field(&mut self) -> Result<WrfGsPlusField> {
         let gaussians = self.trainer.device().gaussians()?;
         let parameters = self.trainer.network()?.parameters;
-        Ok(WrfGsPlusField { config: self.config.clone(), meta: self.meta, gaussians, parameters })
+        Ok(WrfGsPlusField { config: self.config.clone(), meta: self.meta, array: self.array, gaussians, parameters })
     }
 
     /// The trainer, which holds the field.

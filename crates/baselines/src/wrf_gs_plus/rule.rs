@@ -36,6 +36,8 @@ pub struct Offsets<T> {
 pub struct Rule {
     /// Whether the displacement moves a Gaussian.
     pub move_positions: bool,
+    /// Whether what is added to the colour is the signal's size, as the published program has it, whose phase is lost in it; otherwise it has a sign.
+    pub signal_is_magnitude: bool,
 }
 
 /// A sum of elements.
@@ -67,7 +69,7 @@ impl Rule {
             position: if self.move_positions { plus(base.position, offsets.position) } else { base.position },
             rotation: plus(base.rotation.map(|q| q * n), offsets.rotation),
             log_scale: [0, 1, 2].map(log),
-            dc: plus(base.dc, offsets.signal),
+            dc: plus(base.dc, if self.signal_is_magnitude { offsets.signal.map(T::abs) } else { offsets.signal }),
         }
     }
 
@@ -89,7 +91,8 @@ impl Rule {
             dc: gradient.dc,
         };
         let position = if self.move_positions { gradient.position } else { [T::ZERO; 3] };
-        (of_base, Offsets { position, scale, rotation: g, signal: gradient.dc })
+        let sign = |k: usize| if self.signal_is_magnitude && offsets.signal[k] < T::ZERO { -gradient.dc[k] } else { gradient.dc[k] };
+        (of_base, Offsets { position, scale, rotation: g, signal: [0, 1, 2].map(sign) })
     }
 }
 
@@ -97,22 +100,24 @@ impl Rule {
 mod tests {
     use super::*;
 
+    const PUBLISHED: Rule = Rule { move_positions: false, signal_is_magnitude: false };
+
     #[test]
     fn scale_is_added_behind_the_exponential_and_rotation_behind_the_normalisation() {
         let base =
             Shape { position: [1.0, 2.0, 3.0], rotation: [2.0, 0.0, 0.0, 0.0], log_scale: [0.0, -1.0, 0.0f64], dc: [0.1; 3] };
         let offsets = Offsets { position: [0.5; 3], scale: [0.5, 0.0, -3.0], rotation: [0.0, 0.25, 0.0, 0.0], signal: [0.2; 3] };
-        let published = Rule { move_positions: false }.apply(&base, &offsets);
+        let published = PUBLISHED.apply(&base, &offsets);
         assert_eq!(published.position, base.position);
         assert_eq!(published.rotation, [1.0, 0.25, 0.0, 0.0]);
         let expected = [1.5f64.ln(), -1.0, 2.0f64.ln()];
         assert!(published.log_scale.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{published:?}");
-        let moved = Rule { move_positions: true }.apply(&base, &offsets);
+        let moved = Rule { move_positions: true, ..PUBLISHED }.apply(&base, &offsets);
         assert_eq!(moved, Shape { position: [1.5, 2.5, 3.5], ..published });
         let none = Offsets { scale: [-1.0, 0.0, 0.0], ..Offsets::default() };
-        let thin = Rule { move_positions: false }.apply(&base, &none);
+        let thin = PUBLISHED.apply(&base, &none);
         assert!((thin.log_scale[0] - LEAST_DEVIATION_M.ln()).abs() < 1e-9);
         let gradient = Shape { log_scale: [1.0; 3], ..Shape::default() };
-        assert_eq!(Rule { move_positions: false }.backward(&base, &none, &gradient).1.scale[0], 0.0);
+        assert_eq!(PUBLISHED.backward(&base, &none, &gradient).1.scale[0], 0.0);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::mlp::{Adam, Trained};
 use corf::Result;
-use corf::device::{DenseStep, Device, Layer, StepReport, View};
+use corf::device::{DenseStep, Device, Planes, StepReport, TrainingView, View, ViewId};
 
 /// Adam of the network, as published.
 pub(crate) const NETWORK_ADAM: Adam = Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-15, weight_decay: 0.0 };
@@ -12,7 +12,7 @@ pub(crate) const NETWORK_ADAM: Adam = Adam { beta1: 0.9, beta2: 0.999, epsilon: 
 pub struct DeformedStep {
     /// The step of the Gaussians.
     pub dense: DenseStep,
-    /// Position of the view's receiver, metres in the world frame.
+    /// Position of what moves from view to view, metres in the world frame: the receiver, or of an array that stands still the transmitter.
     pub receiver_m: [f32; 3],
     /// Rate of the network.
     pub network_rate: f64,
@@ -23,17 +23,25 @@ pub trait Trainer: Send {
     /// The device that holds the Gaussians without deformation, and the views.
     fn device(&mut self) -> &mut dyn Device;
 
+    /// Keeps a training view.
+    ///
+    /// # Errors
+    /// The device's.
+    fn upload(&mut self, view: &TrainingView) -> Result<ViewId> {
+        self.device().upload(view, 1)
+    }
+
     /// Takes steps in order and reports the last.
     ///
     /// # Errors
     /// The device's.
     fn train(&mut self, steps: &[DeformedStep]) -> Result<StepReport>;
 
-    /// Renders RF as the receiver at the view's place finds it.
+    /// Renders RF as the receiver at the view's place finds it; of an array that stands still, as it finds a transmitter there.
     ///
     /// # Errors
     /// The device's.
-    fn render(&mut self, view: &View, background: [f32; 3]) -> Result<Layer>;
+    fn render(&mut self, view: &View, background: [f32; 3]) -> Result<Planes>;
 
     /// Parameters of the network and its optimiser.
     ///

@@ -1,5 +1,5 @@
 //! The baseline RF-3DGS (Zhang et al. 2026): stock 3D Gaussian splatting of the images, then RF on its frozen geometry. Two rows: as published, and
-//! with the two defects of the published RF stage mended (docs/baselines.md).
+//! with the two defects of the published RF stage mended, each alone and both (docs/baselines.md).
 
 use crate::device::Backend;
 use crate::methods::family::{Abilities, Family, Open, Variant, over_defaults};
@@ -30,6 +30,16 @@ pub const FAMILY: Family = Family {
             id: "rf-3dgs-corrected",
             help: "rf-3dgs with a fresh optimiser in the RF stage and the background of a direction without power",
             preset: "rf_moments = \"zero\"\nrf_background = \"floor\"",
+        },
+        Variant {
+            id: "rf-3dgs-fresh-moments",
+            help: "rf-3dgs with a fresh optimiser in the RF stage alone",
+            preset: "rf_moments = \"zero\"",
+        },
+        Variant {
+            id: "rf-3dgs-floor",
+            help: "rf-3dgs with the background of a direction without power alone",
+            preset: "rf_background = \"floor\"",
         },
     ],
     decided: &["rf_moments", "rf_background"],

@@ -10,11 +10,12 @@ use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, Trainin
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Result, ensure};
+use corf::IdleKey;
 use corf_baselines::wrf_gs_plus::{
-    CpuTrainer, Model, Trainer, WrfGsPlusCheckpoint, WrfGsPlusConfig, WrfGsPlusField, WrfGsPlusReconstructor,
+    ArrayTrainer, CpuTrainer, Model, Trainer, WrfGsPlusCheckpoint, WrfGsPlusConfig, WrfGsPlusField, WrfGsPlusReconstructor,
 };
 use corf_scene::Rigid3;
-use corf_scene::dataset::Dataset;
+use corf_scene::dataset::{Dataset, FixedArray};
 use schemars::schema_for;
 use std::path::Path;
 
@@ -48,7 +49,7 @@ pub const FAMILY: Family = Family {
         emitters: false,
         on_processor: false,
         looks_up: false,
-        fixed_array: false,
+        fixed_array: true,
     },
 };
 
@@ -81,6 +82,23 @@ pub fn trainer(backend: &Backend, config: &WrfGsPlusConfig, parameters: Vec<f32>
             let options = network_options(*number, config.half_precision);
             Ok(Box::new(corf_baselines::wrf_gs_plus::GpuTrainer::new(&options, config, &parameters)?))
         }
+    }
+}
+
+/// The same for an array that stands still, whose spectra only the processor draws.
+fn array_trainer(
+    backend: &Backend,
+    config: &WrfGsPlusConfig,
+    array: &FixedArray,
+    parameters: Vec<f32>,
+) -> Result<Box<dyn Trainer>> {
+    match backend {
+        Backend::Cpu => Ok(Box::new(ArrayTrainer::new(config, array, parameters)?)),
+        #[cfg(feature = "gpu")]
+        Backend::Gpu { .. } => anyhow::bail!(
+            "WRF-GS+ of an array that stands still runs on the processor: what draws Gaussians on a GPU draws them through a pinhole\n  help: give \
+             --device cpu, and a size for it, such as --set random_points=2000 --set array_spread_m=2 --set density.until=0"
+        ),
     }
 }
 
@@ -151,6 +169,11 @@ impl Method for WrfGsPlus {
         2
     }
 
+    fn idle_keys(&self, training: Option<&TrainingSet<'_>>) -> Result<Vec<IdleKey>> {
+        // Before it is known what they are used on, all of them may mean something.
+        Ok(training.map_or_else(Vec::new, |training| self.config.idle_keys(training.fixed_array().is_some())))
+    }
+
     fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {
         self.checkpoints = Some(checkpoints);
     }
@@ -162,9 +185,18 @@ impl Method for WrfGsPlus {
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
         let (config, total) = (&self.config, self.config.iterations);
-        let trainer = trainer(&self.backend, config, Model::new(config).network.initial(seed))?;
-        let (light, radio, range) = (training.light_camera(), training.radio_camera(), training.required_db_range()?);
-        let reconstructor = WrfGsPlusReconstructor::new(trainer, config.clone(), light, radio, range, seed)?;
+        let (range, parameters) = (training.required_db_range()?, Model::new(config).network.initial(seed));
+        let reconstructor = match training.fixed_array() {
+            Some(array) => {
+                let trainer = array_trainer(&self.backend, config, array, parameters)?;
+                WrfGsPlusReconstructor::of_array(trainer, config.clone(), *array, range, seed)?
+            }
+            None => {
+                let trainer = trainer(&self.backend, config, parameters)?;
+                let (light, radio) = (training.light_camera(), training.radio_camera());
+                WrfGsPlusReconstructor::new(trainer, config.clone(), light, radio, range, seed)?
+            }
+        };
         let mut work = AtWork { reconstructor, backend: &self.backend };
         for k in 0..training.len() {
             work.reconstructor.receive(&training.keyframe(k)?)?;
@@ -195,11 +227,11 @@ impl WrfGsPlusPredictor {
     /// A missing or damaged file, or a field of another dataset's camera.
     pub fn load(run: &Path, dataset: &Dataset, backend: &Backend) -> Result<Self> {
         let field = WrfGsPlusField::read(&run.join(FIELD))?;
-        ensure!(
-            field.meta.radio_camera == dataset.radio_camera(),
-            "{}: the field's camera is not the dataset's",
-            run.join(FIELD).display()
-        );
+        let same = match dataset.fixed_array() {
+            Some(array) => field.array.as_ref() == Some(array),
+            None => field.array.is_none() && field.meta.radio_camera == dataset.radio_camera(),
+        };
+        ensure!(same, "{}: the field's camera or array is not the dataset's", run.join(FIELD).display());
         Ok(Self { field, backend: backend.clone(), trainer: None })
     }
 }
@@ -209,7 +241,11 @@ impl Predictor for WrfGsPlusPredictor {
         let mut trainer = match self.trainer.take() {
             Some(trainer) => trainer,
             None => {
-                let mut made = trainer(&self.backend, &self.field.config, self.field.parameters.clone())?;
+                let (config, parameters) = (&self.field.config, self.field.parameters.clone());
+                let mut made = match &self.field.array {
+                    Some(array) => array_trainer(&self.backend, config, array, parameters)?,
+                    None => trainer(&self.backend, config, parameters)?,
+                };
                 self.field.load(made.as_mut())?;
                 made
             }
