@@ -57,6 +57,10 @@ class Maker:
             self.made[name] = folder
         return folder
 
+    def mini(self):
+        """The data set of the lobby at small size."""
+        return self.once("mini", "dataset", "generate", "scenes/lobby-mini.toml", "--device", "cpu")
+
     def demo(self):
         """The folder of the demo."""
         return self.once("demo", "demo", "--device", "cpu")
@@ -125,6 +129,38 @@ def quality(maker):
     return evaluated(maker) / "quality.svg"
 
 
+DENSITY = """name = "lobby-mini on thinner and thinner training keyframes"
+dataset = "{dataset}"
+seeds = [1, 2, 3]
+row = [
+    {{ label = "CORF-GS", method = "corf-gs" }},
+    {{ label = "nearest keyframe", method = "nearest" }},
+    {{ label = "inverse distance", method = "inverse-distance" }},
+]
+"""
+
+
+def density(maker):
+    plan = maker.scratch / "density.toml"
+    plan.write_text(DENSITY.format(dataset=maker.mini()))
+    return maker.once("density", "bench", "density", plan, "--device", "cpu") / "density.svg"
+
+
+def latency(maker):
+    live, run = maker.scratch / "live", maker.scratch / "live-run"
+    maker.mini()
+    follow = [str(maker.corf), "reconstruct", "--follow", str(live), "--out", str(run), "--device", "cpu"]
+    with subprocess.Popen(follow, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as reconstruction:
+        try:
+            maker.run("dataset", "play", maker.mini(), "--to", live, "--rate", 3)
+            said = reconstruction.communicate()[1]
+        finally:
+            reconstruction.kill()
+    if reconstruction.returncode != 0:
+        sys.exit(f"{' '.join(follow)}: exit code {reconstruction.returncode}\n{said}")
+    return run / "latency.svg"
+
+
 def viewer(maker):
     return maker.photograph(maker.demo() / "viewer.html", (1400, 800), "document.getElementById('message')?.textContent === ''")
 
@@ -141,6 +177,8 @@ PICTURES = {
     "coverage.jpg": (coverage, LOBBY),
     "keyframe.svg": (keyframe, MINI),
     "quality.svg": (quality, MINI),
+    "density.svg": (density, MINI),
+    "latency.svg": (latency, MINI),
     "viewer.jpg": (viewer, [*MINI, VIEWER]),
     "report.jpg": (report, [*MINI, "scenes/demo.toml"]),
 }

@@ -58,9 +58,10 @@ fn a_published_set_goes_in_and_out_unchanged_and_is_learnt() {
     // Lookups by the transmitter's place, and a field that reads it.
     let run = |method: &str, more: &[&str]| {
         let out = at(method);
-        corf_ok(
+        let said = corf_ok(
             &[&["reconstruct", text(&at("data")), "--method", method, "--device", "cpu", "--out", text(&out)], more].concat(),
         );
+        assert!(said.contains("next: corf evaluate") && !said.contains("corf view"), "the viewer has no such sets: {said}");
         ssim(&out)
     };
     assert!(run("nearest", &[]) > 0.9);

@@ -88,6 +88,11 @@ fn message(error: &anyhow::Error) -> String {
     }
     let help = help_with_room(error).map(str::to_owned).or_else(|| help_with_name(&text));
     if let Some(help) = help.filter(|_| !text.contains("\n  help: ")) {
+        // The names that there are stand in the help.
+        if let Some(at) = text.find(", expected ").filter(|_| help.starts_with("use one of: ")) {
+            let end = text[at..].find('\n').map_or(text.len(), |length| at + length);
+            text.replace_range(at..end, "");
+        }
         text = format!("{}\n  help: {help}", text.trim_end());
     }
     text
@@ -136,6 +141,8 @@ mod tests {
             anyhow::anyhow!("unknown field `stepss`, expected one of `rays`, `steps`\n").context("in the configuration of nerf2");
         let text = message(&error);
         assert!(text.ends_with("`steps`\n  help: did you mean `steps`?"), "{text}");
+        let other = anyhow::anyhow!("unknown field `q`, expected one of `rays`, `steps`\nin `t`");
+        assert_eq!(message(&other), "unknown field `q`\nin `t`\n  help: use one of: rays, steps");
         let said = |arguments: &[&str]| {
             let Err(answer) = Arguments::of(arguments) else { panic!("{arguments:?}") };
             with_suggestion(answer).to_string()

@@ -7,6 +7,7 @@
 //! panels.rs      pictures of directions side by side, with axes in degrees, colour bars and peaks
 //! keyframe.rs    a spectrum, a prediction, or a keyframe beside its prediction, in such panels
 //! quality.rs     quality over time
+//! latency.rs     what a live run's keyframes waited for
 //! colour_map.rs  colours of levels and of errors
 //! errors.rs      errors of predicted pictures
 //! embed.rs       pictures as data URIs
@@ -18,6 +19,7 @@ mod colour_map;
 mod embed;
 mod errors;
 mod keyframe;
+mod latency;
 mod panels;
 mod plot;
 mod quality;
@@ -28,6 +30,7 @@ pub use colour_map::{ColourMap, diverging, heat};
 pub use embed::{picture_uri, png_uri};
 pub use errors::{ERROR_DB, ERROR_LIGHT, image_error, spectrum_error};
 pub use keyframe::{Sensors, keyframe, prediction, spectrum};
+pub use latency::{KeyframeLatency, latency};
 pub use plot::{AxesFrame, Corner, LegendMark, Plot};
 pub use quality::quality;
 pub use scale::{Scale, extent};

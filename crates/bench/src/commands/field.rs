@@ -233,9 +233,8 @@ impl Export {
 fn lost_in_splat(degree: usize, antialiased: bool) -> Vec<String> {
     let mut said = vec![];
     if degree > 0 {
-        said.push(format!(
-            "the format has no harmonics: bands 1 to {degree} are left out, colour is the mean over all directions"
-        ));
+        let bands = if degree == 1 { "band 1 is".to_owned() } else { format!("bands 1 to {degree} are") };
+        said.push(format!("the format has no harmonics: {bands} left out, colour is the mean over all directions"));
     }
     if antialiased {
         said.push(

@@ -3,9 +3,11 @@
 use super::earlier::{Earlier, FILE};
 use super::inbox::{Notice, Tally};
 use super::outcome::{EndedBy, WhenBehind};
+use crate::charts::{self, KeyframeLatency};
 use crate::note;
 use anyhow::{Context, Result};
 use corf::{KeyframeTiming, LatencySummary, Percentiles};
+use corf_scene::io::write_atomic;
 use corf_scene::words::{counted, verb};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -13,6 +15,9 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+/// The figure of what keyframes waited for, in the run's folder.
+const FIGURE: &str = "latency.svg";
 
 /// Waiting keyframes from which on it is said that the device is behind; said again at every doubling.
 const BEHIND: usize = 4;
@@ -147,9 +152,8 @@ pub(super) struct Log {
     held_out: usize,
     dropped: Vec<u64>,
     refused: Vec<[String; 2]>,
-    latencies_s: Vec<f64>,
-    /// Of these what was waited for others, and for preparation.
-    waits_s: [Vec<f64>; 2],
+    /// Of the keyframes of this session.
+    latencies: Vec<KeyframeLatency>,
     /// When the training of the latest keyframe ended, after the start.
     latest_s: f64,
     /// When the training of the first and of the latest keyframe ended, after the start.
@@ -188,8 +192,7 @@ impl Log {
             held_out: 0,
             dropped: earlier.dropped.clone(),
             refused: earlier.refused.clone(),
-            latencies_s: Vec::new(),
-            waits_s: [Vec::new(), Vec::new()],
+            latencies: Vec::new(),
             latest_s: 0.0,
             done_s: None,
             depth: DepthSources::default(),
@@ -220,9 +223,7 @@ impl Log {
         let others_s = (self.latest_s - arrived_s).clamp(0.0, wait_s);
         self.latest_s = done_s;
         if !t.resumed {
-            self.latencies_s.push(latency_s);
-            self.waits_s[0].push(others_s);
-            self.waits_s[1].push(wait_s - others_s);
+            self.latencies.push(KeyframeLatency { index, parts_s: [others_s, wait_s - others_s, expand_s, train_s + late_s] });
             self.done_s = Some([self.done_s.map_or(done_s, |d| d[0]), done_s]);
         }
         match t.depth {
@@ -322,7 +323,7 @@ impl Log {
         self.line(&json!({ "event": "behind", "queue": queue, "at_s": self.start.elapsed().as_secs_f64() }))
     }
 
-    /// Ends the lines and sums them up.
+    /// Ends the lines, sums them up and draws them.
     pub fn finish(
         mut self,
         folder: &Path,
@@ -337,7 +338,11 @@ impl Log {
             let seconds = last.saturating_duration_since(first).as_secs_f64();
             (seconds > 0.0).then(|| (tally.seen_now - 1) as f64 / seconds)
         };
-        let [others_s, preparation_s] = self.waits_s;
+        let name = folder.file_name().map_or_else(|| folder.display().to_string(), |name| name.display().to_string());
+        if let Some(svg) = charts::latency(&format!("latency of the keyframes of {name}"), &self.latencies)? {
+            write_atomic(self.path.with_file_name(FIGURE), svg.as_bytes())?;
+        }
+        let of = |part: fn(&KeyframeLatency) -> f64| Percentiles::of(self.latencies.iter().map(part));
         Ok(LiveRecord {
             folder: std::path::absolute(folder)?,
             when_behind: policy,
@@ -352,11 +357,11 @@ impl Log {
             refused: self.refused,
             longest_queue: tally.longest_queue,
             arrivals_per_second: tally.first_and_last.and_then(rate),
-            taken_per_second: self.done_s.filter(|d| d[1] > d[0]).map(|d| (self.latencies_s.len() - 1) as f64 / (d[1] - d[0])),
+            taken_per_second: self.done_s.filter(|d| d[1] > d[0]).map(|d| (self.latencies.len() - 1) as f64 / (d[1] - d[0])),
             capacity_per_second: LatencySummary::of(timings).map(|l| l.keyframes_per_second),
-            latency: Percentiles::of(self.latencies_s.into_iter()),
-            waited_for_others: Percentiles::of(others_s.into_iter()),
-            waited_for_preparation: Percentiles::of(preparation_s.into_iter()),
+            latency: of(KeyframeLatency::total_s),
+            waited_for_others: of(|keyframe| keyframe.parts_s[0]),
+            waited_for_preparation: of(|keyframe| keyframe.parts_s[1]),
             depth: self.depth,
         })
     }

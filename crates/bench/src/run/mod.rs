@@ -6,6 +6,7 @@
 //! RUN/*.ply         the field (CORF-GS, RF-3DGS), and the points that RF-3DGS began with
 //! RUN/quality.svg   held-out quality over time, where it was asked for by `--evaluate-every`
 //! RUN/metrics.json  written by `corf evaluate`, with beam.svg, rate.svg and outage.svg where spectra have beams
+//! RUN/latency.svg   what each keyframe of such a run waited for
 //! RUN/live.jsonl    what became of every keyframe, RUN/dataset the keyframes themselves (`corf reconstruct --follow`)
 //! RUN/unfinished.json  what such a run was begun with, until it is finished: the same command goes on with it
 //! ```

@@ -156,6 +156,9 @@ record! {
         pub candidates: u32,
         /// Number of its first point in the coarse lattice.
         pub first_point: u32,
+        /// Number of its first point among those of the coarse lattice that are worked on together.
+        pub first_record: u32,
+        pub unused: u32,
     }
 }
 

@@ -141,7 +141,7 @@ impl Reconstruct {
         let info = live.run()?;
         self.say_untimed(&info);
         let text = info.live.as_ref().map_or(String::new(), |live| format!("\n{}", live.summary()));
-        show(json, &info, &(summary(&info) + &text + &ending(&self.out, &info)))?;
+        show(json, &info, &(summary(&info) + &text + &ending(&self.out, &info, true)))?;
         Ok(Verdict::Done)
     }
 
@@ -264,7 +264,7 @@ impl Reconstruct {
                     "--evaluate-every: it was reconstructed without evaluations, and has no curve of quality: choose another --out for one"
                 );
             }
-            show(json, &info, &(summary(&info) + &ending(&self.out, &info)))?;
+            show(json, &info, &(summary(&info) + &ending(&self.out, &info, dataset.fixed_array().is_none())))?;
             return Ok(Verdict::Done);
         }
         let checkpoint = self.out.join(CHECKPOINT);
@@ -318,7 +318,7 @@ impl Reconstruct {
             picture.write()?;
         }
         self.say_untimed(&info);
-        show(json, &info, &(summary(&info) + &ending(&self.out, &info)))?;
+        show(json, &info, &(summary(&info) + &ending(&self.out, &info, dataset.fixed_array().is_none())))?;
         if let Some(watching) = watching {
             // What is shown at the end is what was written.
             watching.finish(|| Field::read(&self.out).inspect_err(|error| note!("{error}")).ok());
@@ -405,6 +405,10 @@ fn summary(info: &RunInfo) -> String {
             ("  train", l.train),
             ("  late steps", l.late),
         ] {
+            // What this run has none of: a GPU's clock, steps that are taken late.
+            if p.p99_s == 0.0 {
+                continue;
+            }
             let [a, b, c] = [p.median_s, p.p90_s, p.p99_s].map(|s| 1e3 * s);
             text += &format!("\n{name:<48} {a:>8.1} {b:>8.1} {c:>8.1}");
         }
@@ -412,8 +416,9 @@ fn summary(info: &RunInfo) -> String {
     text
 }
 
-/// Where the run is, what it is worth on the held-out keyframes where it was evaluated, by `corf evaluate` or at its end, and the commands to type next.
-fn ending(out: &Path, info: &RunInfo) -> String {
+/// Where the run is, what it is worth on the held-out keyframes where it was evaluated, by `corf evaluate` or at its end, and the commands to type next;
+/// `viewable`: whether `corf view` takes its data set.
+fn ending(out: &Path, info: &RunInfo, viewable: bool) -> String {
     let folder = shell::word(&out.display().to_string());
     let mut text = format!("\nrun:  {}", out.display());
     let record = out.join(METRICS).is_file().then(|| Record::read(&out.join(METRICS)).ok()).flatten();
@@ -426,11 +431,11 @@ fn ending(out: &Path, info: &RunInfo) -> String {
     if let Some(quality) = info.curve.last().and_then(|point| point.held_out).filter(|_| record.is_none()) {
         text += &format!("\nheld-out keyframes: {}", quality.text());
     }
-    let evaluate = format!("corf evaluate {folder}");
-    let view = format!("corf view {folder}");
-    let next = match record.is_none() && info.protocol != Protocol::ALL {
-        true => format!("{evaluate}    (quality on the held-out keyframes)\n      {view}    (look at it)"),
-        false => format!("{view}    (look at it)"),
-    };
-    text + &format!("\nnext: {next}")
+    let evaluates = record.is_none() && info.protocol != Protocol::ALL;
+    let next = [
+        evaluates.then(|| format!("corf evaluate {folder}    (quality on the held-out keyframes)")),
+        viewable.then(|| format!("corf view {folder}    (look at it)")),
+    ];
+    let next: Vec<String> = next.into_iter().flatten().collect();
+    if next.is_empty() { text } else { text + &format!("\nnext: {}", next.join("\n      ")) }
 }

@@ -1,6 +1,8 @@
 //! The scene's surface cut into flat charts: connected coplanar triangles of one material share a plane and its coordinates.
 
+use super::super::LightTracer;
 use super::super::surface::Surface;
+use super::sealed::sealed;
 use corf_scene::Scene;
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
@@ -25,6 +27,8 @@ pub(super) struct Chart {
     pub normal: Vec3,
     /// Extent along the two coordinates, metres: every point of the chart is within `0..size`.
     pub size: Vec2,
+    /// Whether its back is the inside of a sealed body.
+    sealed: bool,
     /// Range of [`Charts::members`].
     first: u32,
     count: u32,
@@ -55,11 +59,15 @@ pub(super) struct Charts {
 
 impl Charts {
     /// Cuts a scene up; large triangles gather their neighbours first.
-    pub fn new(scene: &Scene) -> Self {
+    pub fn new(tracer: &LightTracer<'_>) -> Self {
+        let scene = tracer.scene;
         let n = scene.triangles.len();
         let corners: Vec<[Vec3; 3]> = (0..n).map(|i| scene.corners(i)).collect();
         let cross = |i: usize| (corners[i][1] - corners[i][0]).cross(corners[i][2] - corners[i][0]);
-        let edges: Vec<[(u32, u32); 3]> = weld(&corners);
+        let numbers = weld(&corners);
+        let sealed = sealed(tracer, &corners, &numbers);
+        let edge = |a: u32, b: u32| (a.min(b), a.max(b));
+        let edges: Vec<[(u32, u32); 3]> = numbers.iter().map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]).collect();
         let mut beside: HashMap<(u32, u32), Vec<u32>> = HashMap::with_capacity(2 * n);
         for (i, of) in edges.iter().enumerate() {
             for edge in of {
@@ -130,6 +138,7 @@ impl Charts {
                 axes: [x, y],
                 normal,
                 size: if finite { high - low } else { Vec2::ZERO },
+                sealed: members.iter().all(|t| sealed[*t as usize]),
                 first: first as u32,
                 count: members.len() as u32,
             });
@@ -149,6 +158,11 @@ impl Charts {
     /// Unit normal of a chart on a side: 0 the front, 1 the back.
     pub fn normal(&self, chart: u32, side: u32) -> Vec3 {
         self.list[chart as usize].normal * if side == 0 { 1.0 } else { -1.0 }
+    }
+
+    /// Whether a chart's side is the inside of a sealed body: no light is there, and nobody sees it.
+    pub fn is_sealed(&self, chart: u32, side: u32) -> bool {
+        side == 1 && self.list[chart as usize].sealed
     }
 
     /// The triangles of a chart.
@@ -176,24 +190,15 @@ impl Charts {
     }
 }
 
-/// The edges of triangles between welded corners.
-fn weld(corners: &[[Vec3; 3]]) -> Vec<[(u32, u32); 3]> {
+/// Numbers of triangles' corners; those that are welded have one.
+fn weld(corners: &[[Vec3; 3]]) -> Vec<[u32; 3]> {
     let mut ids: HashMap<[i64; 3], u32> = HashMap::with_capacity(corners.len());
     let mut id = |p: Vec3| {
         let key = p.to_array().map(|c| (f64::from(c) / f64::from(WELD_M)).round() as i64);
         let next = ids.len() as u32;
         *ids.entry(key).or_insert(next)
     };
-    corners
-        .iter()
-        .map(|c| {
-            let v = c.map(&mut id);
-            std::array::from_fn(|k| {
-                let (a, b) = (v[k], v[(k + 1) % 3]);
-                (a.min(b), a.max(b))
-            })
-        })
-        .collect()
+    corners.iter().map(|c| c.map(&mut id)).collect()
 }
 
 /// Barycentric weights of the point of a triangle nearest to a position (Ericson 2004, *Real-Time Collision Detection*, 5.1.5).

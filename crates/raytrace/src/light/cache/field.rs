@@ -118,6 +118,13 @@ pub(super) struct Tile {
     pub rough: u64,
 }
 
+impl Tile {
+    /// A tile without light.
+    pub fn dark(points: UVec2) -> Self {
+        Self { values: vec![Point::default(); points.element_product() as usize], rough: 0 }
+    }
+}
+
 /// Key of a tile: chart, side (0 the front, 1 the back), lattice and first point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TileKey {

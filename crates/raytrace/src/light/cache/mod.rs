@@ -21,6 +21,7 @@ mod field;
 mod gather;
 #[cfg(feature = "gpu")]
 mod packed;
+mod sealed;
 mod site;
 mod solve;
 mod view;
@@ -58,7 +59,8 @@ pub struct CacheSettings {
     pub seed: u64,
     /// Radiance of everything beyond the scene.
     pub background: [f32; 3],
-    /// Points wished for in the coarse lattice; its spacing follows from the scene's surface.
+    /// Points wished for in the coarse lattice on as much plain surface, which sets its spacing. Small and narrow parts have more of them, and
+    /// surface has two sides.
     pub coarse_points: usize,
     /// Shadow rays of a point of the coarse lattice.
     pub coarse_rays: u32,
@@ -171,7 +173,7 @@ impl<'a> LightCache<'a> {
 
     /// Charts and empty lattices.
     pub(super) fn unsolved(tracer: &'a LightTracer<'a>, settings: &CacheSettings) -> Self {
-        let charts = Charts::new(tracer.scene);
+        let charts = Charts::new(tracer);
         let spacings = Spacings::of(surface_m2(tracer), settings);
         let fields = |spacings_m: &[f32]| spacings_m.iter().map(|spacing_m| Field::new(&charts, *spacing_m)).collect();
         let (direct, indirect) = (fields(&spacings.direct_m), fields(&spacings.indirect_m));

@@ -141,9 +141,14 @@ impl<'a> Packed<'a> {
         Job { field: field as u32, chart, side, number, first, points, slot }
     }
 
-    /// Solves the coarse lattice from what its points receive directly and what their walks found: per point three words of four
-    /// for direct light (as [`Self::coarse`] has them), a link for each walk (point at its end, throughput) and three words for
-    /// the light met on the way.
+    /// Whether a tile is inside of a sealed body, where it is dark.
+    pub fn is_sealed(&self, job: &Job) -> bool {
+        self.cache.charts.is_sealed(job.chart, job.side)
+    }
+
+    /// Solves the coarse lattice from what the points of its tiles that are not sealed receive directly and what their walks found: per point
+    /// three words of four for direct light (as [`Self::coarse`] has them), a link for each walk (point at its end, throughput) and three words
+    /// for the light met on the way.
     pub fn solve(&mut self, direct: &[u32], links: &[u32]) {
         let walks = self.cache.settings.coarse_walks.max(1) as usize;
         let vec3 = |w: &[u32]| Vec3::new(f32::from_bits(w[0]), f32::from_bits(w[1]), f32::from_bits(w[2]));
@@ -157,7 +162,16 @@ impl<'a> Packed<'a> {
                 links: links.chunks_exact(4).map(link).collect(),
             }
         };
-        let nodes: Vec<Node> = direct.par_chunks_exact(12).zip(links.par_chunks_exact(4 * (walks + 3))).map(node).collect();
+        let found: Vec<Node> = direct.par_chunks_exact(12).zip(links.par_chunks_exact(4 * (walks + 3))).map(node).collect();
+        let mut found = found.into_iter();
+        let mut nodes = Vec::new();
+        for job in (0..self.coarse_slots()).map(|slot| self.job(slot)) {
+            let count = job.points.element_product() as usize;
+            match self.is_sealed(&job) {
+                true => nodes.resize(nodes.len() + count, Node::default()),
+                false => nodes.extend(found.by_ref().take(count)),
+            }
+        }
         let settings = self.cache.settings;
         pass_on(&self.cache.charts, &mut self.cache.coarse, &nodes, &settings);
         self.cache.settle();

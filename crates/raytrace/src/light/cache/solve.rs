@@ -33,7 +33,8 @@ pub(super) struct Link {
     pub throughput: [f32; 3],
 }
 
-/// A point of the coarse lattice.
+/// A point of the coarse lattice; by default one inside of a sealed body.
+#[derive(Clone, Default)]
 pub(super) struct Node {
     pub direct: Point,
     /// Light its walks met on the way, mean.
@@ -69,8 +70,11 @@ pub(super) fn solve(
         }
         !stopped.load(Ordering::Relaxed)
     };
-    let tiles: Vec<Option<Tile>> =
-        keys.par_iter().with_max_len(AT_ONCE).map(|key| step().then(|| direct::fill(tracer, charts, key, &direct))).collect();
+    let lit_directly = |key: &TileKey| match charts.is_sealed(key.chart, key.side) {
+        true => Tile::dark(key.points),
+        false => direct::fill(tracer, charts, key, &direct),
+    };
+    let tiles: Vec<Option<Tile>> = keys.par_iter().with_max_len(AT_ONCE).map(|key| step().then(|| lit_directly(key))).collect();
     let tiles: Vec<Tile> = tiles.into_iter().collect::<Option<_>>()?;
     for (number, tile) in tiles.into_iter().enumerate() {
         field.replace(number, tile);
@@ -81,6 +85,9 @@ pub(super) fn solve(
         .enumerate()
         .map(|(number, key)| {
             step().then(|| {
+                if charts.is_sealed(key.chart, key.side) {
+                    return vec![Node::default(); key.points.element_product() as usize];
+                }
                 let directs = field.tile(number).map_or(&[][..], |tile| &tile.values);
                 (0u32..)
                     .zip(directs)

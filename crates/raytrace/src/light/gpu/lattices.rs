@@ -160,20 +160,21 @@ impl<'a> Lattices<'a> {
         let mut jobs: Vec<(Job, u32)> = (0..self.packed.coarse_slots()).map(|slot| (self.packed.job(slot), 0)).collect();
         let mut states = vec![0u32; self.packed.slots().max(1) as usize];
         let mut points = 0;
-        let mut heads = Vec::with_capacity(jobs.len());
         for (job, first_point) in &mut jobs {
             let count = job.points.element_product();
             let head = self.allocate(context, 1 + 3 * count)?;
             (*first_point, points) = (points, points + count);
             states[job.slot as usize] = head + shaders::FILLED;
-            heads.push(head);
         }
+        let head = |slot: u32| states[slot as usize] - shaders::FILLED;
         context.fill(&self.slots, 0, &states);
         let mut image = vec![0u32; 4 * self.next as usize];
-        for (head, (_, first_point)) in heads.iter().zip(&jobs) {
-            image[4 * *head as usize + 2] = *first_point;
+        for (job, first_point) in &jobs {
+            image[4 * head(job.slot) as usize + 2] = *first_point;
         }
         self.upload(context, &image);
+        // What is sealed is dark as it stands.
+        jobs.retain(|(job, _)| !self.packed.is_sealed(job));
         // As many tiles together as the memory of their sites allows: the largest charts come first.
         let mut batches: Vec<&[(Job, u32)]> = Vec::new();
         let mut rest = &jobs[..];
@@ -208,9 +209,13 @@ impl<'a> Lattices<'a> {
                     return Ok(false);
                 }
                 let most = batch.iter().map(|(job, _)| job.points.element_product()).max().unwrap_or(1);
-                let head = |slot: u32| states[slot as usize] - shaders::FILLED;
-                let records: Vec<records::Job> =
-                    batch.iter().map(|(job, first_point)| record_of(job, head(job.slot), *first_point)).collect();
+                let mut own = 0;
+                let mut records = Vec::with_capacity(batch.len());
+                for (job, first_point) in *batch {
+                    let record = record_of(job, head(job.slot));
+                    records.push(records::Job { first_point: *first_point, first_record: own, ..record });
+                    own += job.points.element_product();
+                }
                 context.fill(&self.jobs, 0, &records);
                 let count = batch.len() as u32;
                 let params = Params {
@@ -232,7 +237,6 @@ impl<'a> Lattices<'a> {
                 } else {
                     commands.run(&links, &params, count * most);
                     commands.submit();
-                    let own: u32 = batch.iter().map(|(job, _)| job.points.element_product()).sum();
                     let read = context.read::<u32>("solving light", &[(&scratch[1], (own * (walks + 3)) as usize * 4)])?;
                     found.extend(&read[0]);
                 }
@@ -245,14 +249,14 @@ impl<'a> Lattices<'a> {
             pages.push(context.read::<u32>("solving light", &[(page, page.size() as usize / 4)])?.remove(0));
         }
         let mut received = Vec::with_capacity(points as usize * 12);
-        for (head, (job, _)) in heads.iter().zip(&jobs) {
-            let (page, at) = self.place(*head);
+        for (job, _) in &jobs {
+            let (page, at) = self.place(head(job.slot));
             received.extend(&pages[page][4 * (at + 1)..][..12 * job.points.element_product() as usize]);
         }
         drop(pages);
         self.packed.solve(&received, &found);
-        for (head, (_, words)) in heads.iter().zip(self.packed.coarse()) {
-            image[4 * (*head as usize + 1)..][..words.len()].copy_from_slice(&words);
+        for (slot, words) in self.packed.coarse() {
+            image[4 * (head(slot) as usize + 1)..][..words.len()].copy_from_slice(&words);
         }
         self.upload(context, &image);
         context.check("solving light")?;
@@ -345,7 +349,7 @@ impl<'a> Lattices<'a> {
         let context = &gpu.context;
         let mut filling = Vec::with_capacity(jobs.len());
         for job in jobs {
-            filling.push(record_of(job, self.allocate(context, 1 + 3 * job.points.element_product())?, 0));
+            filling.push(record_of(job, self.allocate(context, 1 + 3 * job.points.element_product())?));
         }
         context.fill(&self.jobs, 0, &filling);
         let settings = *self.packed.settings();
@@ -385,10 +389,10 @@ impl<'a> Lattices<'a> {
 }
 
 /// A job as kernels read it.
-fn record_of(job: &Job, head: u32, first_point: u32) -> records::Job {
+fn record_of(job: &Job, head: u32) -> records::Job {
     let Job { field, chart, side, number, first, points, slot } = *job;
     let (first, points) = (first.to_array(), points.to_array());
-    records::Job { field, chart, side, number, first, points, head, slot, candidates: 0, first_point }
+    records::Job { field, chart, side, number, first, points, head, slot, ..Default::default() }
 }
 
 #[cfg(test)]

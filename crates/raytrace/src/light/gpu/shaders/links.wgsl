@@ -31,7 +31,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     var open = 0.0;
     for (var s = 0u; s < count; s++) { open += sites[first + s].open; }
     let point = job.first_point + k;
-    let record = (point - jobs[0].first_point) * (params.rays + 3u);
+    let record = (job.first_record + k) * (params.rays + 3u);
     let normal = charts[job.chart].normal * select(1.0, -1.0, job.side == 1u);
     let world_from_local = frame_of(normal);
     var frame = rng_keyed(params.seed, STAGE_PIXEL, vec2(STAGE_SOLVE, 0u));
