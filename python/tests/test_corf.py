@@ -471,6 +471,32 @@ class Program(Folder):
                 field.render(bad)
 
 
+    def test_aggregates_are_arrays_and_what_is_not_there_is_nan(self) -> None:
+        self.stand_in(
+            """
+            import numpy
+            out, poses = (pathlib.Path(words[words.index(flag) + 1]) for flag in ("--out", "--poses"))
+            n = len(json.loads(poses.read_text()))
+            names = ["path_gain_db", "rssi_dbm", "peak_azimuth_deg", "peak_elevation_deg", "peak_db", "best_beam_gain_db",
+                     "azimuth_spread_deg", "zenith_spread_deg", "rate_bps_hz"]
+            table = {name: numpy.full(n, -90.0) for name in names}
+            table |= {"x_m": numpy.arange(n) * 1.0, "y_m": numpy.ones(n), "z_m": numpy.ones(n) * 2}
+            table |= {"best_beam": numpy.array([27.0, numpy.nan][:n]), "outage": numpy.array([0.0, 1.0][:n])}
+            assert words[words.index("--target-rate") + 1] == "3.5" and "--anywhere" in words
+            numpy.savez(out, **table)
+            """
+        )
+        (self.folder / "run.json").write_text(json.dumps({"method": "corf-gs", "dataset": "d"}))
+        field = corf.Field(self.folder)
+        found = field.query(np.array([POSE, POSE]), target_rate_bps_hz=3.5, anywhere=True)
+        np.testing.assert_array_equal(found.position_m, [[0, 1, 2], [1, 1, 2]])
+        self.assertEqual((found.best_beam.tolist(), found.outage.tolist(), found.outage_share), ([27, -1], [False, True], 0.5))
+        np.testing.assert_allclose(found.peak_azimuth_rad, [-np.pi / 2] * 2)
+        none = field.query([])
+        self.assertEqual((len(none), none.position_m.shape, np.isnan(none.outage_share)), (0, (0, 3), True))
+        self.assertRaises(corf.CorfError, field.query, np.eye(3))
+
+
 class Gaussians(Folder):
     def write(self, channels: int) -> dict[str, np.ndarray]:
         names = ["x", "y", "z", "nx", "ny", "nz", *(f"f_dc_{i}" for i in range(3)), *(f"f_rest_{i}" for i in range(9)), "opacity"]

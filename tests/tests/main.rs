@@ -60,12 +60,14 @@ mod made_room;
 mod masks;
 mod mitsuba;
 mod network_traces;
+mod new_transmitter;
 #[cfg(feature = "slow")]
 mod predictions;
 #[cfg(feature = "slow")]
 mod protocols;
 mod public_names;
 mod publish;
+mod query;
 mod questions;
 #[cfg(feature = "slow")]
 mod report;

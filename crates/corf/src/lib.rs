@@ -54,5 +54,7 @@ pub use gaussians::{Appearance, Gaussians};
 pub use idle::IdleKey;
 pub use numeric::Real;
 pub use optimizer::{Antialias, AppearanceRates, OptimizerConfig, RasterConfig};
-pub use reconstructor::{Checkpoint, KeyframeReport, KeyframeTiming, LatencySummary, Percentiles, Reconstructor};
+pub use reconstructor::{
+    Checkpoint, KeyframeReport, KeyframeTiming, LatencySummary, Percentiles, RadioOnGeometry, Reconstructor,
+};
 pub use target::RadioTarget;

@@ -8,8 +8,8 @@ camera coordinates to world coordinates. Angles are radians, powers are relative
 """
 
 from ._dataset import Dataset, Keyframe
-from ._field import Field, Gaussians, Rendering
+from ._field import Aggregates, Field, Gaussians, Rendering
 from ._paths import Paths, links, paths
 from ._program import CorfError, program, run
 
-__all__ = ["CorfError", "Dataset", "Field", "Gaussians", "Keyframe", "Paths", "Rendering", "links", "paths", "program", "run"]
+__all__ = ["Aggregates", "CorfError", "Dataset", "Field", "Gaussians", "Keyframe", "Paths", "Rendering", "links", "paths", "program", "run"]

@@ -66,6 +66,45 @@ class Rendering:
     """Spectrum in Jet colours, (H_rf, W_rf, 3), 8 bits."""
 
 
+@dataclass(frozen=True)
+class Aggregates:
+    """What a radio field says at N poses in a few numbers each. NaN is what is not there: a column that the kind of spectra does not say (the program's
+    documentation has which and why), or a place where nothing arrives."""
+
+    position_m: npt.NDArray[np.float64]
+    """Positions of the poses, (N, 3), world, metres."""
+    path_gain_db: npt.NDArray[np.float64]
+    """Power that arrives from the directions of the frame, relative to that transmitted, (N,), dB."""
+    rssi_dbm: npt.NDArray[np.float64]
+    """The same for the transmit power, (N,), dBm."""
+    peak_azimuth_rad: npt.NDArray[np.float64]
+    """Azimuth of the strongest direction in the array's frame, (N,), positive to the left of straight ahead."""
+    peak_elevation_rad: npt.NDArray[np.float64]
+    """Its elevation, (N,), positive up."""
+    peak_db: npt.NDArray[np.float64]
+    """Its level, (N,), dB in the unit of the spectra."""
+    best_beam: npt.NDArray[np.int64]
+    """Best beam of the codebook, 8p + q, (N,); -1 where there is none."""
+    best_beam_gain_db: npt.NDArray[np.float64]
+    """Its power relative to that transmitted, (N,), dB."""
+    azimuth_spread_rad: npt.NDArray[np.float64]
+    """Circular azimuth spread of arrival, (N,)."""
+    zenith_spread_rad: npt.NDArray[np.float64]
+    """Circular zenith spread of arrival, (N,)."""
+    rate_bps_hz: npt.NDArray[np.float64]
+    """Spectral efficiency behind the best beam, (N,), bit/s/Hz."""
+    outage: npt.NDArray[np.bool_]
+    """Whether that is below the target, (N,); False where there are no beams."""
+
+    def __len__(self) -> int:
+        return len(self.position_m)
+
+    @property
+    def outage_share(self) -> float:
+        """Share of the poses that are in outage; NaN of none."""
+        return float(np.mean(self.outage)) if len(self) else float("nan")
+
+
 class Field:
     """A finished run of `corf reconstruct`, of any method."""
 
@@ -100,22 +139,63 @@ class Field:
 
         Raises CorfError for a pose that is no rigid transform, and for what the program refuses.
         """
-        array = real(poses, "the poses are")
+        array, several = _poses(poses)
         if array.size == 0:
             return []
-        if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3):
-            raise CorfError(f"a pose has the shape (4, 4), and this has {array.shape}\n  help: give world_from_camera, one or several")
-        several = array.reshape(-1, 4, 4)
-        for i, pose in enumerate(several):
-            fault = pose_fault(pose)
-            if fault is not None:
-                raise CorfError(f"pose {i}: {fault}\n  help: give world_from_camera, rotation and metres")
         with tempfile.TemporaryDirectory() as scratch:
             file, out = Path(scratch) / "poses.json", Path(scratch) / "out"
             file.write_text(json.dumps(several.tolist()))
             run("render", self.path, "--poses", file, "--out", out, "--device", device, *self._dataset_flags(verify))
             made = [_read(out, i, pose.copy()) for i, pose in enumerate(several)]
         return made[0] if array.ndim == 2 else made
+
+    def query(
+        self,
+        poses: Pose | Sequence[Pose],
+        *,
+        target_rate_bps_hz: float = 1.0,
+        tx_power_dbm: float = 20.0,
+        anywhere: bool = False,
+        device: str = "auto",
+        verify: bool = False,
+    ) -> Aggregates:
+        """Power, strongest direction, best beam, spread and outage at one pose (4, 4) or many (n, 4, 4) (`corf query`).
+
+        A rate below `target_rate_bps_hz` is outage, with `tx_power_dbm` sent. Poses outside of the room are refused unless `anywhere`.
+
+        Raises CorfError for a pose that is no rigid transform, and for what the program refuses.
+        """
+        _, several = _poses(poses)
+        with tempfile.TemporaryDirectory() as scratch:
+            file, out = Path(scratch) / "poses.json", Path(scratch) / "answers.npz"
+            file.write_text(json.dumps(several.tolist()))
+            flags: list[Argument] = ["--anywhere"] if anywhere else []
+            flags += ["--target-rate", target_rate_bps_hz, "--tx-power", tx_power_dbm, "--device", device]
+            if len(several):
+                run("query", self.path, "--poses", file, "--out", out, *flags, *self._dataset_flags(verify))
+                with np.load(out) as answers:
+                    columns = {name: np.asarray(answers[name], dtype=np.float64) for name in answers.files}
+            else:
+                columns = {}
+        nothing: npt.NDArray[np.float64] = np.empty(0)
+
+        def of(name: str) -> npt.NDArray[np.float64]:
+            return columns[name] if columns else nothing
+
+        return Aggregates(
+            position_m=np.stack([of("x_m"), of("y_m"), of("z_m")], axis=1),
+            path_gain_db=of("path_gain_db"),
+            rssi_dbm=of("rssi_dbm"),
+            peak_azimuth_rad=np.radians(of("peak_azimuth_deg")),
+            peak_elevation_rad=np.radians(of("peak_elevation_deg")),
+            peak_db=of("peak_db"),
+            best_beam=np.where(np.isnan(of("best_beam")), -1, of("best_beam")).astype(np.int64),
+            best_beam_gain_db=of("best_beam_gain_db"),
+            azimuth_spread_rad=np.radians(of("azimuth_spread_deg")),
+            zenith_spread_rad=np.radians(of("zenith_spread_deg")),
+            rate_bps_hz=of("rate_bps_hz"),
+            outage=of("outage") == 1.0,
+        )
 
     def gaussians(self) -> Gaussians:
         """The Gaussians of the field. Raises CorfError where the method has none."""
@@ -162,6 +242,21 @@ class Field:
 
     def __repr__(self) -> str:
         return f"Field({str(self.path)!r}: {self.method})"
+
+
+def _poses(poses: Pose | Sequence[Pose]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Poses as they were given, and as (n, 4, 4); each is a rigid transform."""
+    array = real(poses, "the poses are")
+    if array.size == 0:
+        return array, np.empty((0, 4, 4))
+    if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3):
+        raise CorfError(f"a pose has the shape (4, 4), and this has {array.shape}\n  help: give world_from_camera, one or several")
+    several = array.reshape(-1, 4, 4)
+    for i, pose in enumerate(several):
+        fault = pose_fault(pose)
+        if fault is not None:
+            raise CorfError(f"pose {i}: {fault}\n  help: give world_from_camera, rotation and metres")
+    return array, several
 
 
 def _sigmoid(logit: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

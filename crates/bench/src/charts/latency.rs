@@ -1,6 +1,6 @@
 //! The figure of a live run's latency, keyframe by keyframe.
 
-use super::{Anchor, Colour, AxesFrame, INK, PALETTE, Plot, Scale, Svg, text_width};
+use super::{Anchor, AxesFrame, Colour, INK, PALETTE, Plot, Scale, Svg, text_width};
 use anyhow::{Context, Result};
 
 /// Size of the figure, pixels.

@@ -46,7 +46,7 @@ impl Demo {
         lobby::unpack(&scene)?;
         interrupt::check()?;
         let config = DatasetConfig::load(scene.join(lobby::MINI))?;
-        let options = GenerateOptions { resume: true, strict: false, light: backend.clone() };
+        let options = GenerateOptions { resume: true, light: backend.clone(), ..GenerateOptions::default() };
         let dataset = generate::generate(&config, &self.out.join("dataset"), options)?.dataset;
         let input = Input::of(dataset, true)?;
         let plan = Plan::parse(PLAN_TOML)?;

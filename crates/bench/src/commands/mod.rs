@@ -15,6 +15,7 @@ mod evaluate;
 mod export_light;
 mod field;
 mod paths;
+mod query;
 mod reconstruct;
 mod render;
 mod scene;
@@ -106,6 +107,8 @@ pub enum Command {
     Field(field::FieldCommand),
     /// Render a reconstructed field at any poses: image, spectrum, depth.
     Render(render::Render),
+    /// Ask a reconstructed field what arrives at any poses: power, strongest direction, best beam, spread, outage; CSV or NPZ.
+    Query(query::Query),
     /// Evaluate a reconstructed field, or predictions of another program, on the held-out keyframes.
     Evaluate(evaluate::Evaluate),
     /// Look at a field, or at a dataset, in a browser: serves a page on this machine, or writes it.
@@ -142,6 +145,7 @@ impl Command {
             Self::Reconstruct(c) => c.run(json),
             Self::Field(c) => c.run(json),
             Self::Render(c) => c.run(json),
+            Self::Query(c) => c.run(json),
             Self::Evaluate(c) => c.run(json),
             Self::View(c) => c.run(json),
             Self::Bench(c) => c.run(json),

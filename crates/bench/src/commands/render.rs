@@ -27,8 +27,9 @@ use std::path::{Path, PathBuf};
 pub struct Render {
     /// Run folder of `corf reconstruct`.
     run: PathBuf,
-    /// Poses: a `trajectory.json` of a dataset, a `transforms.json` (nerfstudio, Blender, Instant-NGP: OpenGL axes, converted), or a JSON array of
-    /// 4×4 `world_from_camera` matrices by rows, in the dataset's world (or --poses-in).
+    /// Poses: a `trajectory.json` of a dataset, a `transforms.json` (nerfstudio, Blender, Instant-NGP: OpenGL axes, converted), a JSON array of
+    /// 4×4 `world_from_camera` matrices by rows, or a .csv or trajectory in TUM's layout as `corf query` takes them, in the dataset's world (or
+    /// --poses-in).
     #[arg(long, required_unless_present = "orbit")]
     poses: Option<PathBuf>,
     /// Frame that --poses is in, where the run's dataset was imported and turned, scaled or moved: that of the capture, whose poses are changed as

@@ -1,5 +1,6 @@
 //! CORF-GS and its ablations.
 
+mod geometry;
 mod live;
 mod online;
 
@@ -16,6 +17,8 @@ use corf::optimizer::{OptimizerConfig, RasterConfig};
 use corf::{Device, FieldMeta, IdleKey, Reconstructor};
 use corf_scene::keyframe::Modalities;
 use corf_scene::words::counted;
+use geometry::Geometry;
+pub use geometry::GeometryConfig;
 pub use live::live_overrides;
 pub(super) use online::Checkpointer;
 use online::Online;
@@ -23,6 +26,7 @@ use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 /// Configuration of the four CORF-GS rows.
@@ -36,6 +40,9 @@ pub struct CorfGsConfig {
     /// Gaussians of light that another program trained (PLY), which the field begins with.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_gaussians: Option<PathBuf>,
+    /// The finished run whose light and geometry are kept, where radio alone is learnt; table `geometry` of the overrides.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<GeometryConfig>,
     /// Rates and constants of the optimiser; table `optimizer` of the overrides.
     pub optimizer: OptimizerConfig,
     /// Constants of the rasteriser; table `raster` of the overrides.
@@ -54,7 +61,9 @@ impl CorfGsConfig {
         let epochs = rest.remove("fine_tune_epochs").map_or_else(|| Ok(0), toml::Value::try_into);
         let seconds = rest.remove("fine_tune_s").map_or_else(|| Ok(None), |v| v.try_into().map(Some));
         let initial = rest.remove("initial_gaussians").map_or_else(|| Ok(None), |v| v.try_into().map(Some));
+        let geometry = rest.remove("geometry").map_or_else(|| Ok(None), |v| v.try_into().map(Some));
         let config = Self {
+            geometry: geometry.context("in key geometry: --geometry RUN fills in what is known of the run")?,
             initial_gaussians: initial.context("in key initial_gaussians")?,
             fine_tune_epochs: epochs.context("in key fine_tune_epochs")?,
             fine_tune_s: seconds.context("in key fine_tune_s")?,
@@ -70,6 +79,7 @@ impl CorfGsConfig {
             config.fine_tune_s.is_none() || config.fine_tune_epochs == 0,
             "fine_tune_epochs and fine_tune_s both say how long fine-tuning takes\n  help: leave one of the two out"
         );
+        config.geometry.as_ref().map_or(Ok(()), GeometryConfig::validate)?;
         config.reconstruction.validate()?;
         config.optimizer.validate()?;
         config.raster.validate()?;
@@ -215,6 +225,8 @@ pub struct CorfGs {
     config: CorfGsConfig,
     backend: Backend,
     checkpoints: Option<Checkpoints>,
+    /// The finished half of the field, once it has been asked for.
+    geometry: OnceLock<Geometry>,
 }
 
 impl CorfGs {
@@ -224,7 +236,20 @@ impl CorfGs {
     /// A key that does not exist, or a value out of range.
     pub fn new(id: &str, settings: &toml::Table, backend: &Backend) -> Result<Self> {
         let config = CorfGsConfig::parse(settings)?;
-        Ok(Self { id: id.to_owned(), config, backend: backend.clone(), checkpoints: None })
+        anyhow::ensure!(
+            config.geometry.is_none() || id == "corf-gs",
+            "{id}: it is a way to learn light and radio together, and --geometry keeps another run's light\n  help: choose --method corf-gs"
+        );
+        Ok(Self { id: id.to_owned(), config, backend: backend.clone(), checkpoints: None, geometry: OnceLock::new() })
+    }
+
+    /// The finished half of the field, read when it is first asked for.
+    fn geometry(&self, of: &GeometryConfig, training: &TrainingSet<'_>) -> Result<&Geometry> {
+        if self.geometry.get().is_none() {
+            let read = Geometry::read(&self.config, of, training)?;
+            return Ok(self.geometry.get_or_init(|| read));
+        }
+        self.geometry.get().context("a geometry that was read is there")
     }
 }
 
@@ -242,12 +267,23 @@ impl Method for CorfGs {
     }
 
     fn uses_ground_truth_depth(&self) -> bool {
-        self.config.reconstruction.consumes_ground_truth_depth()
+        match &self.config.geometry {
+            Some(of) => of.uses_ground_truth_depth,
+            None => self.config.reconstruction.consumes_ground_truth_depth(),
+        }
+    }
+
+    fn unit(&self) -> &'static str {
+        if self.config.geometry.is_some() { "epochs" } else { "keyframes" }
+    }
+
+    fn reads_light(&self) -> bool {
+        self.config.geometry.is_none()
     }
 
     /// Depth comes from views of one thing from several places.
     fn least_keyframes(&self) -> usize {
-        2
+        if self.config.geometry.is_some() { 1 } else { 2 }
     }
 
     /// One modality by itself is learnt as well; what couples the two in stages has nothing to couple then.
@@ -257,10 +293,16 @@ impl Method for CorfGs {
     }
 
     fn idle_keys(&self, _training: Option<&TrainingSet<'_>>) -> Result<Vec<IdleKey>> {
-        Ok(self.config.idle_keys())
+        match &self.config.geometry {
+            Some(_) => GeometryConfig::idle_keys(&self.config),
+            None => Ok(self.config.idle_keys()),
+        }
     }
 
     fn check_files(&self, training: &TrainingSet<'_>) -> Result<()> {
+        if let Some(of) = &self.config.geometry {
+            return self.geometry(of, training).map(|_| ());
+        }
         self.config.check_keyframes(&self.id, "", training)?;
         if let Some(file) = &self.config.initial_gaussians {
             Initial::read(file)?.check(training)?;
@@ -278,6 +320,10 @@ impl Method for CorfGs {
         seed: u64,
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
+        if let Some(of) = &self.config.geometry {
+            let geometry = self.geometry(of, training)?;
+            return geometry.learn_radio(&self.config, of.epochs, &self.backend, training, seed, advance);
+        }
         let mut config = self.config.reconstruction.clone();
         let has = training.modalities();
         if !has.radio {

@@ -1,14 +1,16 @@
 //! A finished field of Gaussians as a predictor: what every method that trains Gaussians ends in.
 
 use crate::device::Backend;
-use crate::methods::interface::Predictor;
+use crate::methods::interface::{NO_RADIO, Predictor};
 use crate::metrics::{Prediction, RadioPrediction};
-use anyhow::Result;
-use corf::device::Planes;
+use anyhow::{Context, Result, ensure};
+use corf::device::{Planes, RenderRequest, View};
 use corf::target::RadioTarget;
 use corf::{Device, Field, Gaussians, OptimizerConfig, RasterConfig};
 use corf_scene::dataset::Dataset;
 use corf_scene::{Pinhole, Raster, Rigid3, color};
+use glam::DVec3;
+use rayon::prelude::*;
 use std::path::Path;
 use std::thread::JoinHandle;
 
@@ -22,6 +24,9 @@ pub fn jet_of(target: RadioTarget, radio: &Planes, scalar: &Raster<f32>) -> Rast
         RadioTarget::Db => scalar.map(|&s| color::jet(s)),
     }
 }
+
+/// Share of the Gaussians that lie beyond either side of the room along an axis: reflections are learnt as what stands behind walls.
+const OUTLIERS: f64 = 0.01;
 
 /// A finished field, on a device of its own once it is rendered.
 pub struct FieldPredictor {
@@ -106,6 +111,33 @@ impl Predictor for FieldPredictor {
         let depth_m = p.inverse_depth.map(|&i| if i > 0.0 { 1.0 / i } else { 0.0 });
         let radio = Some(RadioPrediction { jet, scalar: p.scalar });
         Ok(Prediction { image: Some(p.image), radio, depth_m: Some(depth_m) }.within(meta.modalities))
+    }
+
+    fn spectra(&mut self, poses: &[Rigid3]) -> Result<Vec<Raster<f32>>> {
+        let meta = self.field.meta;
+        ensure!(meta.modalities.radio, NO_RADIO);
+        let background = meta.radio_background_color();
+        let device = self.device()?;
+        let one = |world_from_camera: &Rigid3| -> Result<Planes> {
+            let view = View { camera: meta.radio_camera, world_from_camera: *world_from_camera };
+            let rendering = device.render(&RenderRequest { radio: Some((view, background)), ..RenderRequest::default() })?;
+            Ok(rendering.radio.context("the device left out a modality that was asked for")?.color)
+        };
+        let rendered: Vec<Planes> = poses.iter().map(one).collect::<Result<_>>()?;
+        Ok(rendered.par_iter().map(|planes| meta.radio_target.scalar(planes)).collect())
+    }
+
+    fn room_m(&self) -> Option<[DVec3; 2]> {
+        let positions = &self.field.gaussians.position;
+        let bounds = [0, 1, 2].map(|axis| {
+            let mut along: Vec<f32> = positions.iter().map(|p| p[axis]).collect();
+            let beyond = (OUTLIERS * along.len() as f64) as usize;
+            let last = along.len().checked_sub(1 + beyond)?;
+            let least = *along.select_nth_unstable_by(beyond, f32::total_cmp).1;
+            Some([least, *along.select_nth_unstable_by(last, f32::total_cmp).1].map(f64::from))
+        });
+        let [x, y, z] = [bounds[0]?, bounds[1]?, bounds[2]?];
+        Some([0, 1].map(|end| DVec3::new(x[end], y[end], z[end])))
     }
 
     fn gaussians(&self) -> Option<usize> {

@@ -14,6 +14,7 @@ use corf_scene::config::{ReceiverConfig, SpectrumKind};
 use corf_scene::dataset::{Dataset, FixedArray};
 use corf_scene::keyframe::{DbRange, Modalities};
 use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, Similarity3};
+use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::cell::{Cell, RefCell};
@@ -24,6 +25,7 @@ use std::time::{Duration, Instant};
 pub struct TrainingSet<'a> {
     dataset: &'a Dataset,
     indices: Vec<usize>,
+    held_out: Vec<usize>,
     loading: Cell<Duration>,
     /// Keyframes that have been read and not been asked for.
     held: RefCell<Vec<Option<Keyframe>>>,
@@ -35,17 +37,19 @@ const MOST_HELD: usize = 4 << 30;
 impl<'a> TrainingSet<'a> {
     /// The keyframes a split trains with.
     pub fn new(dataset: &'a Dataset, split: &Split) -> Self {
-        Self { dataset, indices: split.train.clone(), loading: Cell::default(), held: RefCell::default() }
+        let (indices, held_out) = (split.train.clone(), split.held_out.clone());
+        Self { dataset, indices, held_out, loading: Cell::default(), held: RefCell::default() }
     }
 
     /// Reads keyframes, on all threads, so that [`Self::keyframe`] has them in memory: what is measured then is not disturbed by reading.
-    /// Those beyond 4 GiB, and those that cannot be read, are left to it.
-    pub fn read_ahead(&self) {
+    /// Those beyond 4 GiB, and those that cannot be read, are left to it. Without `light` they have what was heard alone.
+    pub fn read_ahead(&self, light: bool) {
         let pixels = |camera: Pinhole| camera.width * camera.height;
         // Colour, depth and surface; a spectrum.
-        let bytes = 11 * pixels(self.light_camera()) + 4 * pixels(self.radio_camera());
+        let bytes = if light { 11 * pixels(self.light_camera()) } else { 0 } + 4 * pixels(self.radio_camera());
         let some = &self.indices[..self.indices.len().min(MOST_HELD / bytes.max(1))];
-        let read = some.par_iter().map(|index| self.dataset.keyframe(*index).ok()).collect();
+        let one = |index: &usize| if light { self.dataset.keyframe(*index) } else { self.dataset.heard(*index) };
+        let read = some.par_iter().map(|index| one(index).ok()).collect();
         *self.held.borrow_mut() = read;
     }
 
@@ -97,7 +101,13 @@ impl<'a> TrainingSet<'a> {
     /// Those of [`Self::keyframe`]; a dataset without spectra.
     pub fn spectrum_of(&self, k: usize) -> Result<Raster<f32>> {
         let held = self.held.borrow().get(k).and_then(|held| Some(held.as_ref()?.radio.as_ref()?.spectrum.clone()));
-        held.map_or_else(|| Ok(self.keyframe(k)?.radio.with_context(|| self.no_spectra())?.spectrum), Ok)
+        let read = || -> Result<Raster<f32>> {
+            let (start, index) = (Instant::now(), self.indices[k]);
+            let heard = self.dataset.heard(index).with_context(|| format!("while reading training keyframe {index}"))?;
+            self.loading.set(self.loading.get() + start.elapsed());
+            Ok(heard.radio.with_context(|| self.no_spectra())?.spectrum)
+        };
+        held.map_or_else(read, Ok)
     }
 
     /// The array, where it stands still and the transmitter moves.
@@ -176,6 +186,11 @@ impl<'a> TrainingSet<'a> {
     /// Those of [`SceneBehind::open`].
     pub fn scene_behind(&self, path: &Path) -> Result<SceneBehind> {
         SceneBehind::open(self.dataset, path)
+    }
+
+    /// The whole data set and the keyframes of it that are held out: to check what was learnt elsewhere against, and to learn nothing from.
+    pub(super) fn to_check_against(&self) -> (&Dataset, &[usize]) {
+        (self.dataset, &self.held_out)
     }
 
     /// Time spent in [`Self::keyframe`] so far.
@@ -418,6 +433,11 @@ pub trait Method {
         Modalities::BOTH
     }
 
+    /// Whether it looks at images, depths and surfaces of keyframes: where not, they are not read.
+    fn reads_light(&self) -> bool {
+        true
+    }
+
     /// Keys of its settings that mean nothing beside the others; `training` says what they are used on, where that is known yet.
     ///
     /// # Errors
@@ -449,6 +469,9 @@ pub trait Method {
     ) -> Result<Box<dyn Predictor>>;
 }
 
+/// Why a field has no spectra.
+pub const NO_RADIO: &str = "the field has learnt no radio\n  help: reconstruct a data set with spectra";
+
 /// A reconstructed field, to be asked for any pose.
 pub trait Predictor {
     /// Predicts image and spectrum at a pose, at the dataset's resolutions.
@@ -456,6 +479,22 @@ pub trait Predictor {
     /// # Errors
     /// When the device gives up.
     fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction>;
+
+    /// Predicts spectra alone at some poses, on the data set's decibel range from 0 to 1: those of [`Self::render`], without images. Many poses at once
+    /// are answered faster than one by one.
+    ///
+    /// # Errors
+    /// Those of [`Self::render`]; a field without radio.
+    fn spectra(&mut self, poses: &[Rigid3]) -> Result<Vec<Raster<f32>>> {
+        let scalar = |pose| -> Result<Raster<f32>> { Ok(self.render(pose)?.radio.context(NO_RADIO)?.scalar) };
+        poses.iter().map(scalar).collect()
+    }
+
+    /// The box that holds what the field knows of the room, but for outliers, least and greatest corner, metres; none of methods without a place for
+    /// anything.
+    fn room_m(&self) -> Option<[DVec3; 2]> {
+        None
+    }
 
     /// Gaussians in the field, for methods that have them.
     fn gaussians(&self) -> Option<usize> {

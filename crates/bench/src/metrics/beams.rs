@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// Elements along each side of the array, and beams along each axis.
-const SIDE: usize = 8;
+pub const SIDE: usize = 8;
 /// Elements of the array, and beams of the codebook.
 pub const ELEMENTS: usize = SIDE * SIDE;
 
@@ -68,6 +68,11 @@ fn axis_gain(d: f64) -> f64 {
     let below = SIDE as f64 * half_step.sin();
     // In the middle of the beam both vanish, and their ratio is 1.
     if below.abs() < 1e-9 { 1.0 } else { ((SIDE as f64 * half_step).sin() / below).powi(2) }
+}
+
+/// Power gains of the codebook's beams towards a direction in the array's frame, along y and along z: a beam's is the product of two.
+pub fn axis_gains(u: DVec3) -> [[f64; SIDE]; 2] {
+    [u.y, u.z].map(|sine_of_direction| std::array::from_fn(|k| axis_gain(sine_of_direction - sine(k))))
 }
 
 impl Codebook {
@@ -125,8 +130,7 @@ fn integrated(camera: &Pinhole, spectrum: &Raster<f64>) -> Vec<f64> {
                 continue;
             }
             let u = ARRAY_FROM_CAMERA.transform_vector(camera.pixel_direction(x, y));
-            let across: [f64; SIDE] = std::array::from_fn(|k| axis_gain(u.y - sine(k)));
-            let along: [f64; SIDE] = std::array::from_fn(|k| axis_gain(u.z - sine(k)));
+            let [across, along] = axis_gains(u);
             for (row, across) in powers.chunks_exact_mut(SIDE).zip(across) {
                 row.iter_mut().zip(along).for_each(|(sum, along)| *sum += power * across * along);
             }

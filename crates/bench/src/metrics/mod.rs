@@ -1,5 +1,6 @@
 //! Metrics of a predicted image and a predicted spectrum, one value a frame; a [`Column`] says how the frames of a cell become one number.
 
+pub mod aggregates;
 pub mod beams;
 mod columns;
 pub mod free_space;

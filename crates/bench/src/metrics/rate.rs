@@ -15,8 +15,13 @@ const BOLTZMANN_J_PER_K: f64 = 1.380_649e-23;
 
 /// The budget in words, for definitions: whoever reads a rate can redo it.
 pub fn budget() -> String {
+    budget_of(TRANSMIT_POWER_DBM)
+}
+
+/// The same with another transmit power, dBm.
+pub fn budget_of(transmit_power_dbm: f64) -> String {
     format!(
-        "{TRANSMIT_POWER_DBM} dBm sent, {} GHz of bandwidth, noise figure {NOISE_FIGURE_DB} dB at {NOISE_TEMPERATURE_K} K",
+        "{transmit_power_dbm} dBm sent, {} GHz of bandwidth, noise figure {NOISE_FIGURE_DB} dB at {NOISE_TEMPERATURE_K} K",
         BANDWIDTH_HZ / 1e9
     )
 }

@@ -5,6 +5,7 @@
 use crate::device::Backend;
 use crate::files::json::read_text;
 use crate::methods;
+use crate::methods::corf_gs::GeometryConfig;
 use crate::note;
 use crate::record::{Outcome, PREDICTIONS, Record};
 use anyhow::{Context, Result, bail, ensure};
@@ -137,7 +138,14 @@ const OF_PREDICTIONS: [&str; 3] = ["images", "spectra", "jet"];
 /// A setting in which two records of one method differ, with both values. What one of them lacks, for it is of a version that did
 /// not have it yet, is as it is by itself in this one.
 fn other_setting(one: &Record, other: &Record) -> Option<String> {
-    let (mine, others) = (methods::without_retired(&one.config), methods::without_retired(&other.config));
+    let [mine, others] = [one, other].map(|record| {
+        let mut config = methods::without_retired(&record.config);
+        if let Some(geometry) = config.get_mut("geometry").and_then(Value::as_object_mut) {
+            // Each seed may have one of its own.
+            GeometryConfig::OF_A_RUN.iter().for_each(|key| drop(geometry.remove(*key)));
+        }
+        config
+    });
     if mine == others {
         return None;
     }

@@ -2,12 +2,13 @@
 
 use crate::files::json;
 use crate::note;
+use crate::render::pose_text::TextLayout;
 use anyhow::{Context, Result, bail, ensure};
 use clap::ValueEnum;
 use corf_scene::dataset::Dataset;
 use corf_scene::transform::ROUNDED;
 use corf_scene::words::counted;
-use corf_scene::{Rigid3, Similarity3, bounds, io};
+use corf_scene::{Error, Rigid3, Similarity3, bounds, io};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
@@ -69,9 +70,19 @@ impl PoseFile {
     /// # Errors
     /// A file of another shape, that names no pose, or one that is no rigid transform.
     pub fn read(path: &Path) -> Result<Self> {
+        if let Some(layout) = TextLayout::of(path) {
+            let (place, bytes) = (path.display().to_string(), io::read(path)?);
+            let text = std::str::from_utf8(&bytes).map_err(|_| Error::invalid(&place, "it is no text", "save it as UTF-8"))?;
+            let (poses, rounded) = layout.read(text, &place)?;
+            ensure!(!poses.is_empty(), "{place} names no pose");
+            if rounded > 0 {
+                note!("{place}: rotations of {rounded} of {} poses are rounded; the nearest were taken", poses.len());
+            }
+            return Ok(Self { path: path.to_owned(), poses, is_ours: false, sha256: io::sha256_hex(&bytes) });
+        }
         let file: Shape = json::read_json(path).context(
-            "a pose file is a dataset's trajectory.json, a transforms.json with 4x4 transform_matrix (nerfstudio, Blender, Instant-NGP), or a JSON array of \
-             4x4 world_from_camera matrices by rows",
+            "a pose file is a dataset's trajectory.json, a transforms.json with 4x4 transform_matrix (nerfstudio, Blender, Instant-NGP), a JSON array of \
+             4x4 world_from_camera matrices by rows, a .csv with columns x_m, y_m, z_m, yaw_deg, or a trajectory in TUM's layout (.txt, .tum)",
         )?;
         // OpenGL's y is up and its z points backward.
         let turned = |mut rows: Rows| {

@@ -101,7 +101,7 @@ pub fn reconstruct(
 ) -> Result<Reconstruction> {
     check_training(method, dataset, split)?;
     let training = TrainingSet::new(dataset, split);
-    training.read_ahead();
+    training.read_ahead(method.reads_light());
     clocked(|advance| method.reconstruct(&training, seed, advance), &|| training.loading_time(), quality, watch)
 }
 

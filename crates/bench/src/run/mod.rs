@@ -22,6 +22,7 @@ use crate::files::json::write_numbers;
 use crate::files::output::{FreshFolder, clear_leftovers, has_unfinished, is_leftover, was_finishing};
 use crate::live::LiveRecord;
 use crate::methods::abilities;
+use crate::methods::corf_gs::GeometryConfig;
 use crate::methods::interface::{Method, StageTime};
 use crate::record::CurvePoint;
 use crate::record::provenance::Provenance;
@@ -172,13 +173,14 @@ impl RunInfo {
         (protocol, trained): (Protocol, usize),
         result: &Reconstruction,
     ) -> Result<Self> {
-        // These say what every keyframe of their session took.
-        let online = abilities(method.id()).online;
+        // These say what every keyframe of their session took; where radio alone is learnt, none is taken by itself.
+        let config = method.config();
+        let online = abilities(method.id()).online && GeometryConfig::of_config(&config).is_none();
         Ok(Self {
             schema: SCHEMA.to_owned(),
             method: method.id().to_owned(),
             overrides: overrides.clone(),
-            config: method.config(),
+            config,
             initial_gaussians_sha256: initial_hash(overrides)?,
             protocol,
             seed,

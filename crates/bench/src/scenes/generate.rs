@@ -14,12 +14,14 @@ use corf_raytrace::light::{LightTracer, Spent, Stages};
 use corf_raytrace::radio::RadioTracer;
 pub use corf_raytrace::sensor::diffuse_settings;
 use corf_raytrace::sensor::{
-    Denoise, Extent, LightSensor, Outputs, Platform, RadioSensor, SensorPlan, geometry_warnings, joined,
+    Denoise, Extent, LightSensor, Outputs, Platform, RadioSensor, SensorPlan, geometry_warnings, heard, joined,
 };
 use corf_scene::config::{DatasetConfig, SceneConfig};
-use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, Extras, KeyframeContent};
+use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, Extras, KeyframeContent, SamplingError};
+use corf_scene::lock::FolderLock;
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Error, Finding, Light, Scene, Severity, bounds, radio_check};
+use corf_scene::{Error, Finding, Light, Pinhole, Scene, Severity, bounds, radio_check};
+use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::path::Path;
@@ -45,6 +47,35 @@ pub struct GenerateOptions {
     pub strict: bool,
     /// Device that traces light.
     pub light: Backend,
+    /// A data set of the same room and poses whose light this one has, instead of tracing it.
+    pub light_from: Option<Dataset>,
+    /// What of the scene file's radio is another here.
+    pub other_radio: OtherRadio,
+}
+
+/// What of a scene file's radio is another for one data set.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct OtherRadio {
+    /// Place of the transmitter, metres, world frame.
+    pub transmitter_m: Option<DVec3>,
+    /// Carrier, Hz.
+    pub frequency_hz: Option<f64>,
+}
+
+impl OtherRadio {
+    /// Puts it over a scene file's values: of the transmitter that a data set's configuration names.
+    ///
+    /// # Errors
+    /// A transmitter that the scene does not have; a place or a carrier out of range.
+    fn over(self, scene: &mut SceneConfig, config: &DatasetConfig) -> Result<()> {
+        config.transmitter_of(scene)?;
+        let named = config.transmitter.as_ref().and_then(|name| scene.transmitters.get_mut(name));
+        if let Some(place_m) = self.transmitter_m {
+            named.unwrap_or(&mut scene.transmitter).position_m = place_m.to_array();
+        }
+        scene.radio.frequency_hz = self.frequency_hz.unwrap_or(scene.radio.frequency_hz);
+        Ok(scene.validate()?)
+    }
 }
 
 /// Generates a dataset, or what is missing of one.
@@ -52,12 +83,13 @@ pub struct GenerateOptions {
 /// # Errors
 /// A scene that cannot be read or traced, an occupied or unwritable folder, an interrupt.
 pub fn generate(config: &DatasetConfig, out: &Path, options: GenerateOptions) -> Result<Generated> {
-    let scene_config = config.load_scene_config()?;
+    let mut scene_config = config.load_scene_config()?;
+    options.other_radio.over(&mut scene_config, config)?;
     let scene = in_use::load(&scene_config)?;
     generate_from(config, &scene_config, &scene, out, options)
 }
 
-/// [`generate`] of a scene in memory.
+/// [`generate`] of a scene in memory, whose configuration is `scene_config` as it stands.
 ///
 /// # Errors
 /// Those of [`generate`].
@@ -66,7 +98,7 @@ pub fn generate_from(
     scene_config: &SceneConfig,
     scene: &Scene,
     out: &Path,
-    GenerateOptions { resume, strict, light: device }: GenerateOptions,
+    GenerateOptions { resume, strict, light: device, light_from, other_radio: _ }: GenerateOptions,
 ) -> Result<Generated> {
     scene_config.check_radio(scene)?;
     let placement = radio_check::placement_findings(scene_config, scene);
@@ -82,9 +114,14 @@ pub fn generate_from(
     for on_surface in &header.on_surfaces {
         note!("{}", on_surface.words());
     }
-    let denoiser = Oidn::asked_for(config)?;
-    header.denoiser = denoiser.as_ref().map(Oidn::name);
-    header.light_adapter = device.adapter().map(str::to_owned);
+    let denoiser = if light_from.is_some() { None } else { Oidn::asked_for(config)? };
+    match &light_from {
+        Some(source) => header.take_light_of(source)?,
+        None => {
+            header.denoiser = denoiser.as_ref().map(Oidn::name);
+            header.light_adapter = device.adapter().map(str::to_owned);
+        }
+    }
     if out.join("dataset.json").exists() {
         let _held = claim_output(out, resume)?;
         dataset::check_finished(out, &header)?;
@@ -96,12 +133,17 @@ pub fn generate_from(
     }
     // Whatever can be refused is refused before the first file. Where one half of the set-up leaves processors idle, the other goes on.
     let bvh = Stage::of("search tree of the scene", || Bvh::build(scene));
+    let array = Array { config, plan: &plan, scene, out, resume, radio_camera: header.radio_camera };
+    if let Some(source) = light_from {
+        let tracer = Stage::of("faces of the scene", || RadioTracer::new(scene, &bvh, plan.tracing))?;
+        return array.hear_beside(source, header, &tracer, placement);
+    }
     let set_up = Stage::start("faces and lights of the scene");
     let (tracer, light) = rayon::join(|| RadioTracer::new(scene, &bvh, plan.tracing), || LightTracer::new(scene, &bvh));
     drop(set_up);
     let tracer = tracer?;
     let refused = AtomicBool::new(false);
-    let (poses, radio_camera) = (header.poses.clone(), header.radio_camera);
+    let poses = header.poses.clone();
     let see = || -> Result<(LightSensor<'_>, f64)> {
         let mut camera = camera_unless(config, &light, &device, denoiser, &refused)?;
         let exposure_ev = match config.light.exposure_ev {
@@ -112,15 +154,7 @@ pub fn generate_from(
         camera.reserve()?;
         Ok((camera, exposure_ev))
     };
-    let hear = || -> Result<_> {
-        let array = Stage::of("mirrors and photons of the radio field", || RadioSensor::new(&plan, scene, &tracer))?;
-        messages::findings(array.check(poses.iter().map(|pose| &pose.world_from_camera))?);
-        let held = claim_output(out, resume)?;
-        messages::findings(placement);
-        messages::findings(geometry_warnings(scene, config.radio.transmission));
-        let sampling_error = Stage::of("sampling error of the spectra", || array.sampling_error(&radio_camera, &poses))?;
-        Ok((array, held, sampling_error))
-    };
+    let hear = || array.make_ready(&tracer, &poses, placement);
     let hear = || {
         let heard = hear();
         refused.store(heard.is_err(), Ordering::Relaxed);
@@ -141,12 +175,7 @@ pub fn generate_from(
             let (array, _held, sampling_error) = heard()?;
             header.sampling_error = sampling_error;
             header.exposure_ev = Some(exposure_ev);
-            let outputs = Outputs {
-                extent: Extent::of_keyframe(&config.radio, &plan.receiver),
-                camera: header.radio_camera,
-                sphere: header.sphere,
-                paths: config.radio.write_paths,
-            };
+            let outputs = outputs(config, &plan, &header);
             let platform = Platform { camera: &camera, array, outputs };
             let writer = DatasetWriter::create(out, &header, resume)?;
             let missing: Vec<&TrajectoryPose> = poses.iter().filter(|p| !writer.is_complete(p.index)).collect();
@@ -157,6 +186,77 @@ pub fn generate_from(
             report(Generated { dataset: Dataset::open(out)?, findings })
         })
     })
+}
+
+/// What is computed of radio at every pose.
+fn outputs(config: &DatasetConfig, plan: &SensorPlan, header: &DatasetHeader) -> Outputs {
+    Outputs {
+        extent: Extent::of_keyframe(&config.radio, &plan.receiver),
+        camera: header.radio_camera,
+        sphere: header.sphere,
+        paths: config.radio.write_paths,
+    }
+}
+
+/// The radio half of a generation.
+struct Array<'a> {
+    config: &'a DatasetConfig,
+    plan: &'a SensorPlan,
+    scene: &'a Scene,
+    out: &'a Path,
+    resume: bool,
+    radio_camera: Pinhole,
+}
+
+impl<'a> Array<'a> {
+    /// The array made ready, the folder held, and the sampling error of its spectra, in this order; what is to be said of the scene is said.
+    fn make_ready<'t>(
+        &self,
+        tracer: &'t RadioTracer<'t>,
+        poses: &[TrajectoryPose],
+        placement: Vec<Finding>,
+    ) -> Result<(RadioSensor<'t>, FolderLock, Option<SamplingError>)>
+    where
+        'a: 't,
+    {
+        let array = Stage::of("mirrors and photons of the radio field", || RadioSensor::new(self.plan, self.scene, tracer))?;
+        messages::findings(array.check(poses.iter().map(|pose| &pose.world_from_camera))?);
+        let held = claim_output(self.out, self.resume)?;
+        messages::findings(placement);
+        messages::findings(geometry_warnings(self.scene, self.config.radio.transmission));
+        let error = Stage::of("sampling error of the spectra", || array.sampling_error(&self.radio_camera, poses))?;
+        Ok((array, held, error))
+    }
+
+    /// Traces radio alone, beside the light of `source`, which `header` has taken.
+    fn hear_beside(
+        &self,
+        source: Dataset,
+        mut header: DatasetHeader,
+        tracer: &RadioTracer<'_>,
+        placement: Vec<Finding>,
+    ) -> Result<Generated> {
+        let (array, _held, sampling_error) = self.make_ready(tracer, &header.poses, placement)?;
+        header.sampling_error = sampling_error;
+        let outputs = outputs(self.config, self.plan, &header);
+        let writer = DatasetWriter::create(self.out, &header, self.resume)?.with_light_of(source);
+        let missing: Vec<&TrajectoryPose> = header.poses.iter().filter(|p| !writer.is_complete(p.index)).collect();
+        let (mut done, all) = (header.poses.len() - missing.len(), header.poses.len());
+        let mut progress = Progress::start(format!("radio of {}", self.config.name), all, "keyframes").begun_at(done);
+        for together in missing.chunks((rayon::current_num_threads() / THREADS_OF_RADIO).clamp(1, MOST_AT_ONCE)) {
+            interrupt::check()?;
+            together.par_iter().try_for_each(|pose| {
+                let radio = array.keyframe(&pose.world_from_camera, &outputs)?;
+                writer.write_frame(pose.index, &heard(radio))
+            })?;
+            done += together.len();
+            progress.set(done, all);
+        }
+        progress.finish();
+        let findings = writer.dark_findings()?;
+        writer.finish()?;
+        report(Generated { dataset: Dataset::open(self.out)?, findings })
+    }
 }
 
 /// Traces and writes what is missing of a data set of this name and number of keyframes, so many keyframes at once; keyframes are written
@@ -349,12 +449,12 @@ const WAITING_BYTES_A_PIXEL: usize = 24;
 /// Keyframes traced together: what one of them leaves of many processors idle is used by the others, and few take little memory.
 /// Beside a GPU, radio and files of one keeps few threads busy.
 fn keyframes_at_once(device: &Backend) -> usize {
-    let threads = if device.adapter().is_some() { THREADS_BESIDE_A_GPU } else { THREADS_A_KEYFRAME };
+    let threads = if device.adapter().is_some() { THREADS_OF_RADIO } else { THREADS_A_KEYFRAME };
     (rayon::current_num_threads() / threads).clamp(1, MOST_AT_ONCE)
 }
 
 /// Threads that radio and files of a keyframe keep busy.
-const THREADS_BESIDE_A_GPU: usize = 2;
+const THREADS_OF_RADIO: usize = 2;
 
 /// Threads that a single keyframe keeps busy.
 const THREADS_A_KEYFRAME: usize = 8;
@@ -411,7 +511,11 @@ mod tests {
         (config.light.samples_per_pixel, config.radio.width, config.radio.height) = (Some(1), 12, 8);
         let folder = tempfile::tempdir().unwrap();
         let make = |name: &str, light: &Backend, resume: bool| {
-            generate(&config, &folder.path().join(name), GenerateOptions { resume, strict: false, light: light.clone() })
+            generate(
+                &config,
+                &folder.path().join(name),
+                GenerateOptions { resume, light: light.clone(), ..GenerateOptions::default() },
+            )
         };
         let [own, other] =
             [("cpu", Backend::Cpu), ("gpu", gpu.clone())].map(|(name, device)| make(name, &device, false).unwrap().dataset);

@@ -1,6 +1,7 @@
 //! The note under a table: seeds, protocol, caveats of the numbers, failed cells, definitions of unusual columns.
 
 use super::{Column, Columns, Row, SHORT, devices};
+use crate::methods::corf_gs::GeometryConfig;
 use crate::metrics::lpips::NO_WEIGHTS;
 use crate::record::PROTOCOL;
 use std::fmt::Write;
@@ -69,6 +70,12 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
             note,
             " Depth that came with the imported capture, as true as whatever measured it (through the simulated monocular prior, or as it is) used by: \
              {depth}."
+        );
+    }
+    if let Some(kept) = named(rows, |r| GeometryConfig::of_config(r.config).is_some()) {
+        let _ = write!(
+            note,
+            " Light and geometry of a finished run kept, radio alone learnt (time is of radio, and images are that run's): {kept}."
         );
     }
     if let Some(oracles) = named(rows, |r| r.true_scene) {

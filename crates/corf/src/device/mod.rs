@@ -20,7 +20,7 @@ pub(crate) use survey::judge;
 pub use survey::{PruneDecision, PruneRule, Shown, Survey, SurveyRequest};
 pub use times::{FrameTimes, TrainingTimes};
 
-use crate::{Error, Gaussians, Result, depth::Matcher};
+use crate::{AppearanceRates, Error, Gaussians, Result, depth::Matcher};
 use corf_scene::{Pinhole, Raster, Rigid3};
 use std::sync::Arc;
 
@@ -246,6 +246,14 @@ pub trait Device: Send {
 
     /// Sets the rate of positions in metres per step (see [`OptimizerConfig`](crate::OptimizerConfig)).
     fn set_position_rate_m(&mut self, rate_m: f32);
+
+    /// Sets the rates of opacity and colour at 60 GHz for the steps that follow.
+    ///
+    /// # Errors
+    /// A device whose rates are fixed.
+    fn set_radio_rates(&mut self, _rates: AppearanceRates) -> Result<()> {
+        Err(self.lacks("rates that could be set", "train with the rates that it was made with"))
+    }
 
     /// Renders a view of the current field.
     ///

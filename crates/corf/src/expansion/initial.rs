@@ -1,6 +1,6 @@
 //! Gaussians of light that another program trained, as the beginning of a coupled field.
 
-use crate::{Gaussians, device::Planes, expansion::spawn::bilinear, files::ply::SingleModality, gaussians::SH_C0};
+use crate::{Appearance, Gaussians, device::Planes, expansion::spawn::bilinear, files::ply::SingleModality, gaussians::SH_C0};
 use corf_scene::{Pinhole, Rigid3};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -45,15 +45,27 @@ pub fn coupled(
     for (to, from) in out.light.sh.chunks_exact_mut(stride).zip(field.appearance.sh.chunks_exact(theirs)) {
         to[..common].copy_from_slice(&from[..common]);
     }
-    let (stride, channels) = (out.radio.stride(), out.radio.channels);
+    color_by_views(&mut out.radio, &field.position, views, radio_camera, floor);
+    out
+}
+
+/// Gives Gaussians at these positions the RF colour of the nearest view whose RF image they lie in, from all sides alike; `floor` where there is none.
+pub fn color_by_views(
+    radio: &mut Appearance,
+    position: &[[f32; 3]],
+    views: &[RadioView],
+    radio_camera: &Pinhole,
+    floor: [f32; 3],
+) {
+    let (stride, channels) = (radio.stride(), radio.channels);
+    radio.sh = vec![0.0; position.len() * stride];
     let inverse: Vec<Rigid3> = views.iter().map(|v| v.world_from_camera.inverse()).collect();
-    out.radio.sh.par_chunks_exact_mut(stride).zip(&field.position).for_each(|(sh, position)| {
+    radio.sh.par_chunks_exact_mut(stride).zip(position).for_each(|(sh, position)| {
         let color = nearest_color(position, views, &inverse, radio_camera).unwrap_or_else(|| floor[..channels].to_vec());
         for (value, color) in sh.iter_mut().zip(color) {
             *value = (color - 0.5) / SH_C0;
         }
     });
-    out
 }
 
 /// The RF colour of a point in the nearest view whose RF image it lies in; the first of several as near.
@@ -80,7 +92,7 @@ fn pixel(position: &[f32; 3], camera: &Pinhole, camera_from_world: &Rigid3) -> O
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Appearance, RadioTarget, ReconstructionConfig};
+    use crate::{RadioTarget, ReconstructionConfig};
 
     fn camera() -> Pinhole {
         Pinhole::from_horizontal_fov(16, 16, 90.0)

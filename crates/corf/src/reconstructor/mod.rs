@@ -6,11 +6,13 @@ mod expand;
 mod latency;
 mod pipeline;
 mod prepare;
+mod radio_on_geometry;
 mod report;
 pub mod schedule;
 
 pub use checkpoint::Checkpoint;
 pub use latency::{KeyframeTiming, LatencySummary, Percentiles};
+pub use radio_on_geometry::RadioOnGeometry;
 pub use report::KeyframeReport;
 
 use crate::{

@@ -44,7 +44,14 @@ impl Platform<'_, '_> {
 
 /// Everything that a dataset keeps of a pose, of what was seen and heard there.
 pub fn joined((light, floats): (Light, Extras), radio: RadioFrame) -> KeyframeContent {
-    let extras =
-        Extras { sphere: radio.sphere, share_in_frame: Some(radio.share_in_frame), paths_jsonl: radio.paths_jsonl, ..floats };
-    KeyframeContent { light: Some(light), radio: Some(Radio { spectrum: radio.spectrum }), extras }
+    let KeyframeContent { radio, extras, .. } = heard(radio);
+    let Extras { sphere, share_in_frame, paths_jsonl, .. } = extras;
+    KeyframeContent { light: Some(light), radio, extras: Extras { sphere, share_in_frame, paths_jsonl, ..floats } }
+}
+
+/// What a dataset keeps of what was heard at a pose, where it has its light from another one.
+pub fn heard(radio: RadioFrame) -> KeyframeContent {
+    let RadioFrame { spectrum, sphere, share_in_frame, paths_jsonl } = radio;
+    let extras = Extras { sphere, share_in_frame: Some(share_in_frame), paths_jsonl, ..Extras::default() };
+    KeyframeContent { light: None, radio: Some(Radio { spectrum }), extras }
 }

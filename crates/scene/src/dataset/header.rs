@@ -1,5 +1,6 @@
 //! Metadata of a dataset: `dataset.json` and `trajectory.json`.
 
+use super::shared_light::LightFrom;
 use crate::config::{DatasetConfig, ReceiverConfig, SceneConfig, SpectrumKind, SplitConfig, TransmitterConfig};
 use crate::keyframe::{DbRange, Modalities};
 use crate::model::Permittivity;
@@ -86,6 +87,9 @@ pub struct DatasetHeader {
     /// Source of a capture that was imported.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub imported: Option<Imported>,
+    /// The data set whose light this one has, where it traced none of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_from: Option<LightFrom>,
     /// The trajectory (written to `trajectory.json`).
     #[serde(skip)]
     pub poses: Vec<TrajectoryPose>,
@@ -312,6 +316,7 @@ impl DatasetHeader {
             config: None,
             scene: None,
             imported: Some(imported),
+            light_from: None,
             poses: Vec::new(),
         }
     }
@@ -353,6 +358,7 @@ impl DatasetHeader {
             config: Some(config.clone()),
             scene: Some(scene_config.clone()),
             imported: None,
+            light_from: None,
             poses,
         })
     }

@@ -78,7 +78,7 @@ fn differences(there: &DatasetHeader, wanted: &DatasetHeader) -> String {
 }
 
 /// Adds a line for every leaf below `key` in which two values differ.
-fn compare(key: &str, there: &Value, wanted: &Value, lines: &mut Vec<String>) {
+pub(super) fn compare(key: &str, there: &Value, wanted: &Value, lines: &mut Vec<String>) {
     match (there, wanted) {
         (Value::Object(a), Value::Object(b)) => {
             let keys: std::collections::BTreeSet<&String> = a.keys().chain(b.keys()).collect();

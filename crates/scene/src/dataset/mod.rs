@@ -29,6 +29,7 @@ mod layout;
 mod leftovers;
 mod numpy;
 mod reader;
+mod shared_light;
 mod validate;
 mod writer;
 
@@ -44,6 +45,7 @@ pub use identity::check_finished;
 pub use layout::stem;
 pub use numpy::keyframe_npz;
 pub use reader::Dataset;
+pub use shared_light::LightFrom;
 pub use validate::validate;
 pub(crate) use writer::millimetres;
 pub use writer::{DatasetWriter, Extras, KeyframeContent, forget_progress, grown_frame};

@@ -243,6 +243,19 @@ impl Dataset {
     /// An index outside the dataset; a file that is missing, cut short, of the wrong size, or with values that are no measurements.
     /// The message names file and keyframe.
     pub fn keyframe(&self, index: usize) -> Result<Keyframe> {
+        let light = || self.modalities().light.then(|| self.light_of(index)).transpose();
+        self.keyframe_with(index, light)
+    }
+
+    /// The same without what the camera saw, which is not read.
+    ///
+    /// # Errors
+    /// Those of [`Self::keyframe`].
+    pub fn heard(&self, index: usize) -> Result<Keyframe> {
+        self.keyframe_with(index, || Ok(None))
+    }
+
+    fn keyframe_with(&self, index: usize, light: impl FnOnce() -> Result<Option<Light>>) -> Result<Keyframe> {
         let Some(pose) = self.poses().get(index) else {
             return Err(Error::invalid(
                 format!("{}: keyframe {index}", self.dir.display()),
@@ -250,9 +263,8 @@ impl Dataset {
                 "indices count from 0",
             ));
         };
-        let has = self.modalities();
-        let radio = has.radio.then(|| self.radio_of(index)).transpose()?;
-        let light = has.light.then(|| self.light_of(index)).transpose()?;
+        let radio = self.modalities().radio.then(|| self.radio_of(index)).transpose()?;
+        let light = light()?;
         Ok(Keyframe { index, time_s: pose.time_s, world_from_camera: pose.world_from_camera, light, radio })
     }
 
@@ -266,7 +278,7 @@ impl Dataset {
         Ok(Radio { spectrum })
     }
 
-    fn light_of(&self, index: usize) -> Result<Light> {
+    pub(super) fn light_of(&self, index: usize) -> Result<Light> {
         let has = |path: &str| self.file.files.contains_key(path);
         let (o, name) = (self.light_camera(), layout::image(index));
         let image = self.sized(index, &name, &o, own_file(&self.dir, &name).and_then(io::read_png))?;

@@ -7,7 +7,7 @@ use super::export::{self, ColoredPoint, Modality};
 use super::file::{DatasetFile, FileRecord, RadioFrames};
 use super::header::{DATASET_SCHEMA, DatasetHeader, MeanAndRange, SplitLists};
 use super::header::{from_json, generator, to_json, trajectory_json};
-use super::{identity, layout, leftovers};
+use super::{Dataset, identity, layout, leftovers, shared_light};
 use crate::finding::Finding;
 use crate::keyframe::{DbRange, Light, Radio};
 use crate::trajectory::TrajectoryPose;
@@ -108,6 +108,8 @@ pub struct DatasetWriter {
     finished: bool,
     /// Whether keyframes are appended, and the records of them stay until [`forget_progress`].
     grows: bool,
+    /// The data set whose files are the light of every keyframe.
+    light_of: Option<Dataset>,
 }
 
 /// Removes the records of a dataset's making, which one that grew keeps when it is finished: until then it can grow on.
@@ -154,7 +156,7 @@ impl DatasetWriter {
         }
         let mut entries = std::fs::read_dir(dir).map_err(Error::io("read", dir))?;
         let occupied = entries.next().transpose().map_err(Error::io("read", dir))?.is_some();
-        let mut writer = Self { dir: dir.to_path_buf(), header: header.clone(), finished: false, grows: false };
+        let mut writer = Self { dir: dir.to_path_buf(), header: header.clone(), finished: false, grows: false, light_of: None };
         if occupied && !resume {
             return Err(Error::invalid(
                 dir.display().to_string(),
@@ -199,6 +201,12 @@ impl DatasetWriter {
         Ok(writer)
     }
 
+    /// Gives every keyframe the light of `source`, whose header [took it](DatasetHeader::take_light_of): frames are written without any.
+    #[must_use]
+    pub fn with_light_of(self, source: Dataset) -> Self {
+        Self { light_of: Some(source), ..self }
+    }
+
     /// Starts a dataset whose keyframes are not known yet, or goes on with one that was begun so with the same header, finished or not, behind
     /// its last keyframe that is whole: [`Self::poses`] and [`Self::names`] say which there are, and [`Self::append`] adds each as it comes.
     ///
@@ -213,7 +221,7 @@ impl DatasetWriter {
             // It tells of fewer keyframes than there may be in the end.
             std::fs::remove_file(&whole).map_err(Error::io("remove", &whole))?;
         }
-        let mut writer = Self { dir: dir.to_path_buf(), header, finished: false, grows: true };
+        let mut writer = Self { dir: dir.to_path_buf(), header, finished: false, grows: true, light_of: None };
         while dir.join(layout::progress(writer.len())).exists() {
             let index = writer.len();
             let record = writer.record(index)?;
@@ -360,8 +368,16 @@ impl DatasetWriter {
             io::write_atomic(self.dir.join(&path), &bytes)?;
             Ok((path, FileRecord::of(&bytes)))
         });
-        let files = files.collect::<Result<BTreeMap<_, _>>>()?;
-        let Sight { black, empty } = light.as_ref().map(Sight::of).unwrap_or_default();
+        let mut files = files.collect::<Result<BTreeMap<_, _>>>()?;
+        let mut sight = light.as_ref().map(Sight::of);
+        if let Some(source) = &self.light_of {
+            for (path, record) in source.light_files(index) {
+                shared_light::share(&source.own_file(&path)?, &self.dir.join(&path), &record)?;
+                files.insert(path, record);
+            }
+            sight = Some(Sight::of(&source.light_of(index)?));
+        }
+        let Sight { black, empty } = sight.unwrap_or_default();
         let record = FrameRecord {
             peak: radio.as_ref().map_or(0.0, |radio| peak(&radio.spectrum)),
             share_in_frame: extras.share_in_frame,
@@ -377,7 +393,8 @@ impl DatasetWriter {
         let (o, r) = (&self.header.light_camera, &self.header.radio_camera);
         let has = self.header.modalities;
         let KeyframeContent { light, radio, extras } = frame;
-        for (name, given, wanted) in [("image", light.is_some(), has.light), ("spectrum", radio.is_some(), has.radio)] {
+        let traced_here = has.light && self.light_of.is_none();
+        for (name, given, wanted) in [("image", light.is_some(), traced_here), ("spectrum", radio.is_some(), has.radio)] {
             if given != wanted {
                 let (what, help) = match wanted {
                     true => ("is missing", "give one for every keyframe"),

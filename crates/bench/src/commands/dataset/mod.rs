@@ -11,12 +11,14 @@ use self::play::Play;
 use self::publish::Publish;
 use super::assignments::DatasetKeys;
 use super::{Verdict, print, show};
-use crate::device::DeviceChoice;
-use crate::scenes::generate::{self, GenerateOptions, Generated};
+use crate::device::{Backend, DeviceChoice};
+use crate::files::separation::{Reads, keep_apart};
+use crate::radio_link::PointArg;
+use crate::scenes::generate::{self, GenerateOptions, Generated, OtherRadio};
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use corf_scene::Severity;
-use corf_scene::dataset::{self, Dataset};
+use corf_scene::dataset::{self, Dataset, LightFrom};
 use corf_scene::words::counted;
 use std::path::PathBuf;
 
@@ -64,6 +66,16 @@ pub struct Generate {
     /// Go on with a folder that holds finished keyframes of the same configuration.
     #[arg(long)]
     resume: bool,
+    /// Place of the transmitter, world metres, instead of the scene file's; its antenna and the way that it faces stay.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    tx: Option<PointArg>,
+    /// Carrier, hertz, instead of the scene file's.
+    #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
+    frequency: Option<f64>,
+    /// Do not trace light: take images, depths and surfaces from this data set of the same mesh, poses and [optical], whose files are linked (copied
+    /// where they cannot be) with their hashes checked. For another transmitter, carrier or [rf]; whatever else differs is refused.
+    #[arg(long, value_name = "DATASET", conflicts_with = "device")]
+    light_from: Option<PathBuf>,
     /// Device that traces light: auto, cpu, gpu, or gpu:N for the N-th adapter. Radio is traced by the processor meanwhile.
     #[arg(long, default_value_t)]
     device: DeviceChoice,
@@ -143,11 +155,24 @@ impl Generate {
         }
         config.seed = self.seed.unwrap_or(config.seed);
         config.validate()?;
-        let options = GenerateOptions { resume: self.resume, strict: self.strict, light: self.device.resolve()? };
+        let light_from = self.light_from.as_deref().map(Dataset::open).transpose()?;
+        if let Some(folder) = &self.light_from {
+            keep_apart("--out", &self.out, &[Reads::Folder(folder)])?;
+        }
+        let options = GenerateOptions {
+            resume: self.resume,
+            strict: self.strict,
+            light: if light_from.is_some() { Backend::Cpu } else { self.device.resolve()? },
+            light_from,
+            other_radio: OtherRadio { transmitter_m: self.tx.map(|point| point.0), frequency_hz: self.frequency },
+        };
         let Generated { dataset: made, findings } = generate::generate(&config, &self.out, options)?;
         let spectra =
             made.db_range().map(|r| format!(", spectra from {:.0} to {:.0} dB", r.min_db, r.max_db)).unwrap_or_default();
-        let text = format!("{}: {}{spectra}, hash {}", self.out.display(), counted(made.len(), "keyframe"), made.hash());
+        let mut text = format!("{}: {}{spectra}, hash {}", self.out.display(), counted(made.len(), "keyframe"), made.hash());
+        if let Some(LightFrom { dataset, dataset_hash, .. }) = &made.header().light_from {
+            text += &format!("\nits light is that of {dataset}, hash {dataset_hash}");
+        }
         show(json, made.header(), &text)?;
         let failed = self.strict && findings.iter().any(|f| f.severity == Severity::Warning);
         Ok(if failed { Verdict::CheckFailed } else { Verdict::Done })

@@ -1,6 +1,7 @@
 //! `corf reconstruct`: a dataset's training keyframes to a field on disk.
 
 mod follow;
+mod geometry;
 
 use self::follow::Follow;
 use super::config::of_method;
@@ -11,6 +12,7 @@ use crate::files::json::{read_numbers, read_text};
 use crate::files::separation::{Reads, keep_apart};
 use crate::live::WhenBehind;
 use crate::methods;
+use crate::methods::corf_gs::GeometryConfig;
 use crate::methods::interface::{Advance, Checkpoints, TrainingSet};
 use crate::metrics::input::Verify;
 use crate::note;
@@ -66,6 +68,15 @@ pub struct Reconstruct {
     /// optical stage.
     #[arg(long, value_name = "FILE.ply")]
     from: Option<PathBuf>,
+    /// Keep light and geometry of this finished run of corf-gs, byte for byte, and learn radio alone: for the same room with another transmitter or
+    /// carrier (`corf dataset generate --light-from`). Frame, camera and scene or poses must be those of the run's data set, and no keyframe that is
+    /// held out may have trained it. --set geometry.epochs=N says how long.
+    #[arg(
+        long,
+        value_name = "RUN",
+        conflicts_with_all = ["follow", "from", "fine_tune", "fine_tune_s", "budget_ms", "checkpoint_every", "view"]
+    )]
+    geometry: Option<PathBuf>,
     /// Seed of everything drawn at random.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -199,6 +210,10 @@ impl Reconstruct {
             let file = std::path::absolute(file)?.display().to_string();
             table.insert("initial_gaussians".to_owned(), toml::Value::String(file));
         }
+        if let Some(run) = &self.geometry {
+            let geometry = geometry::table(run, table.get("geometry"))?;
+            table.insert("geometry".to_owned(), toml::Value::Table(geometry));
+        }
         Ok(table)
     }
 
@@ -217,6 +232,9 @@ impl Reconstruct {
         }
         let Some(dataset_folder) = &self.dataset else { bail!("no dataset is named\n  help: name its folder, or --follow DIR") };
         keep_apart("--out", &self.out, &[Reads::Folder(dataset_folder)])?;
+        if let Some(run) = &self.geometry {
+            keep_apart("--out", &self.out, &[Reads::Folder(run)])?;
+        }
         // A port that cannot be had is known before any work.
         let port = self.view.map(|port| Port::hold(port, "--view")).transpose()?;
         let (protocol, overrides) = (self.protocol.unwrap_or_default(), self.overrides()?);
@@ -373,6 +391,9 @@ fn summary(info: &RunInfo) -> String {
     }
     if let Some(processor_s) = info.processor_s {
         text += &format!("; {processor_s:.1} s of processor time");
+    }
+    if let Some(geometry) = GeometryConfig::of_config(&info.config) {
+        text += &format!("\n{}", geometry.words());
     }
     for stage in &info.stages {
         text += &format!("\n  {:<10} {:>10.2} s", stage.name, stage.seconds);

@@ -52,6 +52,10 @@ impl CorfArrayConfig {
         let own = rest.remove("light").map_or_else(|| Ok(toml::Table::new()), toml::Value::try_into);
         let light: toml::Table = own.context("in key light")?;
         let light = CorfGsConfig::parse(&light).context("in key light")?;
+        ensure!(
+            light.geometry.is_none(),
+            "key light.geometry: the geometry of a run is kept with --method corf-gs alone\n  help: leave it out"
+        );
         let has_stages = light.fine_tune_epochs > 0
             || light.fine_tune_s.is_some()
             || light.initial_gaussians.is_some()

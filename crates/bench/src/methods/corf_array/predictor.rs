@@ -10,6 +10,8 @@ use corf::array_field::{ArrayField, CpuObserver, Observer};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Pinhole, Raster, Rigid3, color};
+use glam::DVec3;
+use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -55,13 +57,13 @@ impl ArrayPredictor {
         Self { light, radio: Arc::new(radio), backend: backend.clone(), observer: None, range }
     }
 
-    /// The radio field at a pose, linear.
-    fn observe(&mut self, world_from_camera: &Rigid3) -> Result<Raster<f32>> {
+    /// The radio field at poses, linear.
+    fn observe(&mut self, poses: &[Rigid3]) -> Result<Vec<Raster<f32>>> {
         let observer = match &mut self.observer {
             Some(observer) => observer,
             none => none.insert(observer(&self.backend, &self.radio)?),
         };
-        observer.observe(std::slice::from_ref(world_from_camera))?.pop().context("a radio field was observed at no pose")
+        Ok(observer.observe(poses)?)
     }
 
     /// Reads the field of a run folder, whose configuration is `config`.
@@ -82,7 +84,8 @@ impl ArrayPredictor {
 impl Predictor for ArrayPredictor {
     fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
         let light = self.light.render(world_from_camera)?;
-        let emitted = self.observe(world_from_camera)?;
+        let emitted = self.observe(std::slice::from_ref(world_from_camera))?.pop();
+        let emitted = emitted.context("a radio field was observed at no pose")?;
         let radio = match light.radio.filter(|_| self.radio.over_splats) {
             Some(splats) => over(splats, &emitted, self.range),
             None => {
@@ -91,6 +94,20 @@ impl Predictor for ArrayPredictor {
             }
         };
         Ok(Prediction { radio: Some(radio), ..light })
+    }
+
+    fn spectra(&mut self, poses: &[Rigid3]) -> Result<Vec<Raster<f32>>> {
+        let (emitted, range) = (self.observe(poses)?, self.range);
+        if !self.radio.over_splats {
+            return Ok(emitted.par_iter().map(|emitted| emitted.map(|&s| range.scalar(s))).collect());
+        }
+        let splats = self.light.spectra(poses)?;
+        let both = splats.into_par_iter().zip(&emitted);
+        Ok(both.map(|(splats, emitted)| over(RadioPrediction::from_scalar(splats), emitted, range).scalar).collect())
+    }
+
+    fn room_m(&self) -> Option<[DVec3; 2]> {
+        self.light.room_m()
     }
 
     fn set_light_camera(&mut self, camera: Pinhole) -> Result<()> {

@@ -21,7 +21,7 @@ use super::{
     Step, StepReport, TrainingView, ViewId,
 };
 use crate::simd::Isa;
-use crate::{Appearance, Gaussians, OptimizerConfig, RasterConfig, Result};
+use crate::{Appearance, AppearanceRates, Gaussians, OptimizerConfig, RasterConfig, Result};
 use pyramid::Pyramid;
 use render::Frame;
 use std::sync::Arc;
@@ -125,6 +125,13 @@ impl Device for CpuDevice {
 
     fn set_position_rate_m(&mut self, rate_m: f32) {
         self.optimizer.position_rate_m = rate_m;
+    }
+
+    fn set_radio_rates(&mut self, rates: AppearanceRates) -> Result<()> {
+        let optimizer = OptimizerConfig { radio: rates, ..self.optimizer };
+        optimizer.validate()?;
+        self.optimizer = optimizer;
+        Ok(())
     }
 
     fn render(&mut self, request: &RenderRequest) -> Result<Rendering> {

@@ -37,7 +37,7 @@ use super::{
     DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient,
     Step, StepReport, Survey, SurveyRequest, TrainingTimes, TrainingView, ViewId, check_channels,
 };
-use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result, depth::Matcher};
+use crate::{Appearance, AppearanceRates, Error, Gaussians, OptimizerConfig, RasterConfig, Result, depth::Matcher};
 use clock::Clock;
 use corf_gpu::{AdapterOptions, Context, Reading, Scratch};
 use deformed::StandIns;
@@ -265,6 +265,13 @@ impl Device for GpuDevice {
 
     fn set_position_rate_m(&mut self, rate_m: f32) {
         self.optimizer.position_rate_m = rate_m;
+    }
+
+    fn set_radio_rates(&mut self, rates: AppearanceRates) -> Result<()> {
+        let optimizer = OptimizerConfig { radio: rates, ..self.optimizer };
+        optimizer.validate()?;
+        self.optimizer = optimizer;
+        Ok(())
     }
 
     fn render(&mut self, request: &RenderRequest) -> Result<Rendering> {
