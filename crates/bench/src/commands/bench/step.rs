@@ -370,7 +370,7 @@ impl Run {
         }
         device.time_stages(true);
         device.train(&rig.steps(self.steps))?;
-        let Some(t) = device.take_stage_times()? else { return Ok(()) };
+        let Some(t) = device.take_stage_times() else { return Ok(()) };
         for (k, w) in work.iter().enumerate() {
             let floor = (w.bytes / bytes_per_ms).max(w.operations / operations_per_ms);
             self.measured.stages.push(Stage { name: w.name, ms: t.seconds[k] * 1e3 / t.steps as f64, floor_ms: Some(floor) });

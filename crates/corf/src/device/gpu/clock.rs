@@ -36,21 +36,23 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    /// Takes a submission's timestamps in; they are read when somebody asks.
+    /// Takes a submission's timestamps in; they are read once the batch has ended.
     pub fn expect<'a>(&mut self, stamps: Reading<u64>, steps: impl Iterator<Item = &'a Params>, follows: bool) {
         let sizes = steps.map(|p| [p.grids[0].size, p.grids[1].size]).collect();
         self.pending.push(Stamped { stamps, sizes, follows });
     }
 
-    /// Reads what is on its way.
-    pub fn settle(&mut self, context: &Context) -> Result<()> {
+    /// Reads what is on its way, of which the first `taken` steps found room; those behind did nothing.
+    pub fn settle(&mut self, context: &Context, taken: usize) -> Result<()> {
+        let mut left = taken;
         for Stamped { stamps, sizes, follows } in std::mem::take(&mut self.pending) {
             let Some(stamps) = stamps.finish(context)?.pop() else { continue };
             if let (true, Some(first)) = (follows, stamps.first()) {
                 self.host.starved_s += Timestamps::seconds(context, self.last, *first);
             }
             self.last = stamps.last().copied().unwrap_or(self.last);
-            for (step, size) in stamps.chunks_exact(STAGES.len() + 1).zip(sizes) {
+            for (step, size) in stamps.chunks_exact(STAGES.len() + 1).zip(sizes).take(left) {
+                left -= 1;
                 let times = self.frames.entry(size).or_default();
                 times.steps += 1;
                 for (sum, pair) in times.seconds.iter_mut().zip(step.windows(2)) {
@@ -62,18 +64,16 @@ impl Clock {
     }
 
     /// The kernels' times over all sizes, and forgets them.
-    pub fn take_stages(&mut self, context: &Context) -> Result<GpuStageTimes> {
-        self.settle(context)?;
+    pub fn take_stages(&mut self) -> GpuStageTimes {
         let mut all = GpuStageTimes::default();
         for times in std::mem::take(self).frames.into_values() {
             all.steps += times.steps;
             all.seconds.iter_mut().zip(times.seconds).for_each(|(sum, s)| *sum += s);
         }
-        Ok(all)
+        all
     }
 
-    fn take(&mut self, context: &Context) -> Result<TrainingTimes> {
-        self.settle(context)?;
+    fn take(&mut self) -> TrainingTimes {
         let Self { frames, host, .. } = std::mem::take(self);
         let named = |seconds: [f64; STAGES.len()]| STAGES.iter().map(|s| (*s).to_owned()).zip(seconds).collect();
         let of_size = |([light, radio], times): (Size, GpuStageTimes)| FrameTimes {
@@ -82,7 +82,7 @@ impl Clock {
             steps: times.steps,
             kernels: named(times.seconds),
         };
-        Ok(TrainingTimes { frames: frames.into_iter().map(of_size).collect(), ..host })
+        TrainingTimes { frames: frames.into_iter().map(of_size).collect(), ..host }
     }
 }
 
@@ -95,14 +95,11 @@ impl GpuDevice {
 
     /// Time on the device since it was made or this was last called; nothing unless it was made with
     /// [`corf_gpu::AdapterOptions::timestamps`] and the adapter has them.
-    ///
-    /// # Errors
-    /// When the device fails.
-    pub fn take_stage_times(&mut self) -> Result<Option<GpuStageTimes>> {
-        self.context.timestamps.then(|| self.clock.take_stages(&self.context)).transpose()
+    pub fn take_stage_times(&mut self) -> Option<GpuStageTimes> {
+        self.context.timestamps.then(|| self.clock.take_stages())
     }
 
-    pub(super) fn take_times(&mut self) -> Result<Option<TrainingTimes>> {
-        self.timing.then(|| self.clock.take(&self.context)).transpose()
+    pub(super) fn take_times(&mut self) -> Option<TrainingTimes> {
+        self.timing.then(|| self.clock.take())
     }
 }

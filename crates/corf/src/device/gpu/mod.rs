@@ -238,7 +238,7 @@ impl Device for GpuDevice {
 
     fn take_training_times(&mut self) -> Result<Option<TrainingTimes>> {
         self.ready()?;
-        self.take_times()
+        Ok(self.take_times())
     }
 
     fn len(&self) -> usize {

@@ -28,8 +28,12 @@ fn cloud(n: usize) -> Gaussians {
 
 /// A device with one view of gray, or nothing where there is no adapter.
 fn device(n: usize) -> Option<GpuDevice> {
-    corf_gpu::testing::context(&OPTIONS.adapter)?;
-    let mut device = GpuDevice::new(&OPTIONS, OptimizerConfig::default(), RasterConfig::default(), &cloud(n)).unwrap();
+    device_on(&OPTIONS, n)
+}
+
+fn device_on(options: &GpuOptions, n: usize) -> Option<GpuDevice> {
+    corf_gpu::testing::context(&options.adapter)?;
+    let mut device = GpuDevice::new(options, OptimizerConfig::default(), RasterConfig::default(), &cloud(n)).unwrap();
     let gray =
         Planes { width: CAMERA.width, height: CAMERA.height, channels: 3, pixels: vec![0.5; 3 * CAMERA.width * CAMERA.height] };
     let view = TrainingView {
@@ -61,6 +65,29 @@ fn step() -> Step {
 fn request() -> RenderRequest {
     let view = View { camera: CAMERA, world_from_camera: Rigid3::IDENTITY };
     RenderRequest { light: Some((view, [0.0; 3])), radio: None, main_contributor: false }
+}
+
+/// There is hardly any room at first, so that steps are submitted again.
+#[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
+fn a_step_is_timed_once_also_where_it_is_submitted_again() {
+    let options = GpuOptions { adapter: AdapterOptions { timestamps: true, ..OPTIONS.adapter }, ..OPTIONS };
+    let Some(mut device) = device_on(&options, 2000) else { return };
+    let spectrum_alone = Step { light_weight: 0.0, ..step() };
+    device.train(&[step(), spectrum_alone, step(), spectrum_alone, step()]).unwrap();
+    let times = device.take_training_times().unwrap();
+    assert_eq!(times.is_some(), device.context.timestamps);
+    let Some(times) = times else { return };
+    assert!(times.repeated > 0 && times.batches == 1, "{times:?}");
+    let counts: Vec<_> = times.frames.iter().map(|f| (f.light, f.radio, f.steps)).collect();
+    assert_eq!(counts, [([0, 0], [40, 24], 2), ([40, 24], [40, 24], 3)]);
+    for frame in &times.frames {
+        let names: Vec<&str> = frame.kernels.iter().map(|k| k.0.as_str()).collect();
+        assert_eq!(names, STAGES);
+        assert!(frame.kernels.iter().all(|k| k.1 >= 0.0) && frame.kernels.iter().any(|k| k.1 > 0.0), "{frame:?}");
+    }
+    assert!(times.table().contains("40x24 + 40x24") && times.table().contains("0x0 + 40x24"), "{}", times.table());
+    assert!(device.take_training_times().unwrap().unwrap().frames.is_empty(), "they are said once");
 }
 
 #[test]

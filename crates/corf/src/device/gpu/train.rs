@@ -210,8 +210,8 @@ impl GpuDevice {
         let begin = Instant::now();
         let read = reading.finish(&self.context)?;
         self.clock.host.waiting_s += begin.elapsed().as_secs_f64();
-        self.clock.settle(&self.context)?;
         let (state, last) = (&read[0], &batch.last);
+        self.clock.settle(&self.context, state[STEPS] as usize)?;
         batch.done += state[STEPS] as usize;
         if state[FAILED] != 0 {
             batch.room = BufferCapacity::asked(state, batch.extent.most(&self.context, &self.shapes[0]));
