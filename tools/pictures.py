@@ -25,6 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "docs/pictures"
 LOBBY = ["scenes/lobby.toml", "scenes/lobby.glb"]
 MINI = [*LOBBY, "scenes/lobby-mini.toml"]
+ROOM = ["scenes/room.toml", "scenes/room.obj", "scenes/room.mtl", "scenes/room-mini.toml"]
 VIEWER = "crates/bench/src/viewer/assets"
 # Widest that a picture is in the documents, pixels.
 WIDTH = 1000
@@ -57,9 +58,10 @@ class Maker:
             self.made[name] = folder
         return folder
 
-    def mini(self):
-        """The data set of the lobby at small size."""
-        return self.once("mini", "dataset", "generate", "scenes/lobby-mini.toml", "--device", "cpu")
+    def room(self):
+        """A data set of the plain room at small size."""
+        small = ["--set", "optical.width=192", "--set", "optical.height=108"]
+        return self.once("room", "dataset", "generate", "scenes/room-mini.toml", "--device", "cpu", *small)
 
     def demo(self):
         """The folder of the demo."""
@@ -129,7 +131,7 @@ def quality(maker):
     return evaluated(maker) / "quality.svg"
 
 
-DENSITY = """name = "lobby-mini on thinner and thinner training keyframes"
+DENSITY = """name = "room-mini on thinner and thinner training keyframes"
 dataset = "{dataset}"
 seeds = [1, 2, 3]
 row = [
@@ -142,17 +144,17 @@ row = [
 
 def density(maker):
     plan = maker.scratch / "density.toml"
-    plan.write_text(DENSITY.format(dataset=maker.mini()))
+    plan.write_text(DENSITY.format(dataset=maker.room()))
     return maker.once("density", "bench", "density", plan, "--device", "cpu") / "density.svg"
 
 
 def latency(maker):
     live, run = maker.scratch / "live", maker.scratch / "live-run"
-    maker.mini()
+    dataset = maker.room()
     follow = [str(maker.corf), "reconstruct", "--follow", str(live), "--out", str(run), "--device", "cpu"]
     with subprocess.Popen(follow, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as reconstruction:
         try:
-            maker.run("dataset", "play", maker.mini(), "--to", live, "--rate", 3)
+            maker.run("dataset", "play", dataset, "--to", live, "--rate", 3)
             said = reconstruction.communicate()[1]
         finally:
             reconstruction.kill()
@@ -177,8 +179,8 @@ PICTURES = {
     "coverage.jpg": (coverage, LOBBY),
     "keyframe.svg": (keyframe, MINI),
     "quality.svg": (quality, MINI),
-    "density.svg": (density, MINI),
-    "latency.svg": (latency, MINI),
+    "density.svg": (density, ROOM),
+    "latency.svg": (latency, ROOM),
     "viewer.jpg": (viewer, [*MINI, VIEWER]),
     "report.jpg": (report, [*MINI, "scenes/demo.toml"]),
 }

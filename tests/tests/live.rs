@@ -100,6 +100,9 @@ fn pauses_do_not_matter_and_the_run_is_one_like_any_other() {
     assert!(live["longest_queue"].as_u64().unwrap() >= 9, "{live}");
     let trained = events(&at("slow-run"), "trained");
     assert_eq!(trained.len(), 10);
+    // Four squares of a legend, and a bar of at most four parts a keyframe, of which training is never nothing.
+    let drawn = fs::read_to_string(at("slow-run").join("latency.svg")).unwrap();
+    assert!((15..=45).contains(&drawn.matches("<rect").count()) && drawn.contains("of slow<"), "{drawn}");
     for (line, index) in trained.iter().zip(0..) {
         assert_eq!((line["index"].as_u64(), line["number"].as_u64()), (Some(index), Some(index + 1)));
         let [arrived, began, done, latency] = ["arrived_s", "began_s", "done_s", "latency_ms"].map(|k| line[k].as_f64().unwrap());

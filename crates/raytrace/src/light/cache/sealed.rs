@@ -33,6 +33,9 @@ pub(super) fn sealed(tracer: &LightTracer<'_>, triangles: &[[Vec3; 3]], numbers:
     for (triangle, of) in (0u32..).zip(numbers) {
         for k in 0..3 {
             let (a, b) = (of[k], of[(k + 1) % 3]);
+            if a == b {
+                continue;
+            }
             along.entry([a.min(b), a.max(b)]).or_default().push((triangle, a < b));
         }
     }
@@ -61,10 +64,11 @@ pub(super) fn sealed(tracer: &LightTracer<'_>, triangles: &[[Vec3; 3]], numbers:
     }
     // Closed: along every edge as many of the body's triangles run one way as the other.
     for of in along.values() {
-        for &(triangle, _) in of {
-            let own = body[triangle as usize];
-            let balance = of.iter().filter(|(other, _)| body[*other as usize] == own).map(|(_, f)| if *f { 1 } else { -1 });
-            is_sealed[own] &= balance.sum::<i32>() == 0;
+        let mut ways: Vec<(usize, i32)> =
+            of.iter().map(|&(triangle, forward)| (body[triangle as usize], if forward { 1 } else { -1 })).collect();
+        ways.sort_unstable();
+        for own in ways.chunk_by(|a, b| a.0 == b.0) {
+            is_sealed[own[0].0] &= own.iter().map(|(_, way)| way).sum::<i32>() == 0;
         }
     }
     let emitters: Vec<Extent> = (0..numbers.len())
@@ -122,10 +126,11 @@ mod tests {
             scene.normals.push(Vec3::Z);
             scene.uvs.push([0.0; 2]);
         }
-        let faces = [[4, 5, 7, 6], [0, 2, 3, 1], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let faces: [[u32; 4]; 6] = [[4, 5, 7, 6], [0, 2, 3, 1], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         for [a, b, c, d] in &faces[usize::from(!has_lid)..] {
             for [a, b, c] in [[a, b, c], [a, c, d]] {
-                let vertices = if outward { [a, b, c] } else { [a, c, b] }.map(|v| first + v);
+                let turned = if outward { [a, b, c] } else { [a, c, b] };
+                let vertices = turned.map(|v| first + v);
                 scene.triangles.push(Triangle { vertices, material, object: material });
             }
         }
