@@ -113,7 +113,7 @@ pub struct ReconstructionConfig {
     /// Least probability of `log` sampling where nothing covers a pixel yet: blank walls show no structure to light and are what radio meets.
     /// Published: 0.
     pub least_probability: f32,
-    /// Encoding of the spectra that the RF field is trained on. Default `jet`, as in the paper.
+    /// Encoding of the spectra that the RF field is trained on. Default `db`; published: `jet`.
     #[serde(rename = "rf_target")]
     pub radio_target: RadioTarget,
     /// Optimisation steps per keyframe (paper: 75).
@@ -334,7 +334,7 @@ impl Default for ReconstructionConfig {
             sampling: Sampling::Log,
             uniform_probability: 0.1,
             least_probability: 0.0,
-            radio_target: RadioTarget::Jet,
+            radio_target: RadioTarget::Db,
             iterations_per_keyframe: 75,
             keyframe_budget_ms: None,
             overlapped_iterations: 0,
