@@ -27,7 +27,7 @@ mod svg;
 pub use colour_map::{ColourMap, diverging, heat};
 pub use embed::{picture_uri, png_uri};
 pub use errors::{ERROR_DB, ERROR_LIGHT, image_error, spectrum_error};
-pub use keyframe::{Sensors, keyframe, prediction, spectrum};
+pub use keyframe::{Sensors, keyframe, prediction, spectrum, uncertainty};
 pub use plot::{Corner, Frame, Mark, Plot};
 pub use quality::quality;
 pub use scale::{Scale, extent};
