@@ -3,6 +3,7 @@
 use super::{Verdict, show};
 use crate::charts::{self, ColourMap, Sensors};
 use crate::device::{Backend, DeviceChoice};
+use crate::files::ending::check_file;
 use crate::files::json::write_numbers;
 use crate::files::separation::{Reads, keep_apart};
 use crate::methods::interface::Predictor;
@@ -233,13 +234,14 @@ impl Uncertainty {
 
 impl Fit {
     fn run(self, json: bool) -> Result<Verdict> {
-        let holdout = open::read_info(&self.of.run)?.protocol.holdout;
+        check_file("--out", &self.out)?;
+        let protocol = open::read_info(&self.of.run)?.protocol;
         ensure!(
-            holdout != Holdout::Test && holdout != Holdout::All,
+            protocol.holdout != Holdout::Test && protocol.holdout != Holdout::All,
             "{} was made with the protocol \"{}\": intervals that are fitted on the keyframes that judge them say nothing\n  help: fit a run of the same \
              method that was made with --protocol validation",
             self.of.run.display(),
-            open::read_info(&self.of.run)?.protocol.name()
+            protocol.name()
         );
         let mut field = self.of.open()?;
         self.of.keep_apart("--out", Some(&self.out), &field.run)?;
@@ -271,6 +273,7 @@ impl Check {
             "{} was fitted on the very keyframes that this run holds out: of course it fits them\n  help: check a run that was made with --protocol test",
             self.calibration.display()
         );
+        self.out.as_deref().map_or(Ok(()), |out| check_file("--out", out))?;
         if let Some(figure) = &self.figure {
             ensure!(
                 figure.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("svg")),
@@ -315,14 +318,7 @@ impl Check {
         let mut text = line(&format!("{} on {}", info.method, counted(own.frames.len(), "held-out keyframe")), &own);
         let ensemble = match of_ensemble {
             Some(of) => {
-                let judged = |e: &'_ Examples| -> Option<(usize, Vec<f64>)> { Some((e.index, of.deviations_db(e.spread_db.as_ref()?))) };
-                let judged: Vec<Judged<'_>> = examples
-                    .iter()
-                    .filter_map(|e| {
-                        let (index, deviations_db) = judged(e)?;
-                        Some(Judged { index, errors_db: &e.errors_db, deviations_db, factor: of.factor_90 })
-                    })
-                    .collect();
+                let judged: Vec<Judged<'_>> = examples.iter().filter_map(|e| of.judge(e)).collect();
                 let coverage = Coverage::of(&judged).with_context(nothing)?;
                 let _ = write!(text, "\n{}", line(&format!("the spread of {}", counted(of.runs, "run")), &coverage));
                 Some(coverage)

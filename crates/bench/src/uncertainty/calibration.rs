@@ -50,9 +50,11 @@ impl OfEnsemble {
         [1.0, spread_db.max(LEAST_SPREAD_DB).ln()]
     }
 
-    /// Standard deviations of spreads, dB.
-    pub fn deviations_db(&self, spread_db: &[f64]) -> Vec<f64> {
-        spread_db.iter().map(|s| deviation_db(&self.weights, &Self::signs(*s))).collect()
+    /// Judges a held-out keyframe by the spread there; nothing where there is none.
+    pub fn judge<'e>(&self, examples: &'e Examples) -> Option<Judged<'e>> {
+        let spread_db = examples.spread_db.as_ref()?;
+        let deviations_db = spread_db.iter().map(|s| deviation_db(&self.weights, &Self::signs(*s))).collect();
+        Some(Judged { index: examples.index, errors_db: &examples.errors_db, deviations_db, factor: self.factor_90 })
     }
 }
 
@@ -118,7 +120,7 @@ impl Calibration {
         let keyframes: Vec<_> = examples.iter().map(of).collect();
         let all: Vec<&[_]> = keyframes.iter().map(Vec::as_slice).collect();
         let (weights, factor_90) = fitted(&all)?;
-        let left_out = (0..all.len()).map(|k| {
+        let left_out = (0..all.len()).map(|k| -> Result<f64> {
             let others: Vec<&[_]> = all.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, e)| *e).collect();
             let (weights, factor) = fitted(&others)?;
             let within = all[k].iter().filter(|(signs, error)| error.abs() <= factor * deviation_db(&weights, signs)).count();

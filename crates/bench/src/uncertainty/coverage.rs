@@ -46,7 +46,7 @@ pub struct Coverage {
 impl Coverage {
     /// Over keyframes; nothing without pixels.
     pub fn of(judged: &[Judged<'_>]) -> Option<Self> {
-        let pixels = || judged.iter().flat_map(|j| j.errors_db.iter().zip(&j.deviations_db).map(|(e, d)| (e.abs(), *d, j.factor)));
+        let pixels = || judged.iter().flat_map(|j| j.errors_db.iter().zip(&j.deviations_db).map(move |(e, d)| (e.abs(), *d, j.factor)));
         let count = pixels().count();
         if count == 0 {
             return None;

@@ -32,17 +32,14 @@ pub fn weights<const N: usize>(examples: &[([f64; N], f64)]) -> Result<[f64; N]>
         (0..N).for_each(|i| hessian[i][i] = RIDGE);
         for (signs, error) in examples {
             let q = (error * error + LEAST_ERROR_DB2) * (-2.0 * log_deviation(&weights, signs)).exp();
-            for i in 0..N {
-                gradient[i] += (1.0 - q) * signs[i];
-                for j in 0..=i {
-                    hessian[i][j] += 2.0 * q * signs[i] * signs[j];
-                }
+            for ((sum, row), sign) in gradient.iter_mut().zip(&mut hessian).zip(signs) {
+                *sum += (1.0 - q) * sign;
+                row.iter_mut().zip(signs).for_each(|(sum, other)| *sum += 2.0 * q * sign * other);
             }
         }
-        (0..N).for_each(|i| (0..i).for_each(|j| hessian[j][i] = hessian[i][j]));
         let step = solved(hessian, gradient).map(|s| s.clamp(-LONGEST, LONGEST));
         ensure!(step.iter().all(|s| s.is_finite()), "errors of these keyframes do not depend on what is around them in any way that can be told");
-        (0..N).for_each(|i| weights[i] -= step[i]);
+        weights.iter_mut().zip(&step).for_each(|(weight, step)| *weight -= step);
         if step.iter().all(|s| s.abs() < ARRIVED) {
             break;
         }
@@ -53,10 +50,11 @@ pub fn weights<const N: usize>(examples: &[([f64; N], f64)]) -> Result<[f64; N]>
 /// The solution of a symmetric positive definite system, by Gauss's elimination.
 fn solved<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> [f64; N] {
     for k in 0..N {
-        for i in k + 1..N {
-            let factor = a[i][k] / a[k][k];
-            (k..N).for_each(|j| a[i][j] -= factor * a[k][j]);
-            b[i] -= factor * b[k];
+        let (pivot, of_b) = (a[k], b[k]);
+        for (row, b) in a.iter_mut().zip(&mut b).skip(k + 1) {
+            let factor = row[k] / pivot[k];
+            row.iter_mut().zip(&pivot).for_each(|(x, p)| *x -= factor * p);
+            *b -= factor * of_b;
         }
     }
     for k in (0..N).rev() {

@@ -222,7 +222,7 @@ mod tests {
         // It looks along x and is wrong by 7 dB in its left half, which looks to +y.
         let wrong = Raster::from_fn(48, 32, |x, _| if x < 24 { 0.1 } else { 0.0 });
         around.add(looking(0.0, DVec3::X), &silent, &wrong).unwrap();
-        // Turned by 45° to the right, that half is the left quarter's, and half of the frame nobody has looked at.
+        // Turned by 45° to the right, its left half looks where the other's right half does, which is right, and its right half where nobody has looked.
         let pose = looking(0.3, DVec3::new(1.0, -1.0, 0.0));
         let signs = around.signs(&pose, &silent).unwrap();
         let error = |x: usize| ((2.0 * signs[16 * 48 + x][2]).exp() - SOFTENING_DB2).max(0.0).sqrt();
