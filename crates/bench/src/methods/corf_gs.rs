@@ -130,7 +130,6 @@ overlapped_iterations = 40
 /// Settings of `corf-gs-paper`: the constants that the paper gives, and where it is silent those of
 /// on-the-fly novel-view synthesis (Meuleman et al. 2025), which it builds on. docs/METHODOLOGY.md lists what each difference is worth.
 const PAPER: &str = "\
-rf_target = \"jet\"
 visits_per_level = 5
 finest_share = 1.0
 latest_probability = 0.2
@@ -384,7 +383,6 @@ impl Relay<'_> {
 mod tests {
     use super::*;
     use crate::methods::registry::settings;
-    use corf::RadioTarget;
     use corf::optimizer::AppearanceRates;
     use std::path::Path;
 
@@ -400,9 +398,6 @@ mod tests {
         assert_eq!((paper.iterations_per_keyframe, paper.pyramid_levels, paper.radio_weight), (75, 3, 0.1));
         assert_eq!((paper.latest_probability, paper.depth_weight, paper.depth_weight_decay), (0.2, 0.01, 0.9));
         assert!(!paper.depth.correction && paper.finest_share == Some(1.0));
-        // Radio is learnt in decibels, and as the paper learns it in Jet colours.
-        assert_eq!([&plain, &fast, &paper].map(|c| c.radio_target), [RadioTarget::Db, RadioTarget::Db, RadioTarget::Jet]);
-        assert_eq!(make("corf-gs-paper", "rf_target = \"db\"").radio_target, RadioTarget::Db, "a caller's own goes over a preset");
         assert_eq!(make("corf-gs-fast", "iterations_per_keyframe = 70").iterations_per_keyframe, 70);
         // Part of an inner table leaves the rest of it alone, also where its defaults are not those of its type.
         let rates = |id: &str, text: &str| new(id, text).optimizer.radio;

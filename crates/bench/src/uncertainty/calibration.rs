@@ -226,7 +226,8 @@ mod tests {
 
     const RANGE: DbRange = DbRange { min_db: -110.0, max_db: -40.0 };
     const LEVEL_DB: f64 = -75.0;
-    const [WIDTH, HEIGHT]: [usize; 2] = [48, 32];
+    const WIDTH: usize = 48;
+    const HEIGHT: usize = 32;
 
     /// A made field: what is observed is level everywhere, and predictions are off by 6 dB to the left and by 1 dB to the right of every pose.
     fn made(rng: &mut Rng) -> (Raster<f32>, Raster<f32>) {

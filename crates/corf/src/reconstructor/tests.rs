@@ -171,9 +171,9 @@ fn every_keyframe_is_expanded_once_and_gets_its_iterations() {
     assert_eq!(r.born.len(), r.gaussian_count());
     assert!(spawned > 500, "{spawned}");
     assert!(reports[3].accurate_share > 0.2 && reports[2].ground_truth_depth_used && reports[2].prior_aligned);
-    // Steps of the published method: joint, λ = 0.1, every background its own, radio on its floor, that of decibels.
+    // Steps of the published method: joint, λ = 0.1, every background its own, radio on its floor.
     assert!(log.steps.iter().all(|s| s.light_weight == 1.0 && s.radio_weight == 0.1 && s.train_geometry));
-    assert!(log.steps.iter().all(|s| s.radio_background == RadioTarget::Db.floor_color()));
+    assert!(log.steps.iter().all(|s| s.radio_background == RadioTarget::Jet.floor_color()));
     // The world scale is that of the first baselines: 0.36 m on this walk.
     let field = r.field().unwrap().gaussians;
     let mean = (1..5)

@@ -1,6 +1,6 @@
 //! The notations of the tables: Markdown, LaTeX, CSV.
 
-use super::rows::{Ours, RADIO_TARGET};
+use super::rows::Ours;
 use super::{Beside, Figure, PaperLine};
 use crate::files::escape;
 use crate::metrics::stats::Summary;
@@ -62,12 +62,8 @@ fn notes(tables: &[Beside<'_, '_>]) -> Vec<String> {
             continue;
         }
         taken.push(matched.row);
-        let (targets, unusual): (Vec<&String>, Vec<&String>) = matched.unusual.iter().partition(|path| *path == RADIO_TARGET.0);
-        if !targets.is_empty() {
-            out.push(format!("\"{}\" has learnt spectra in decibels, the paper's row Jet pictures of them.", matched.row.label));
-        }
-        if !unusual.is_empty() {
-            let keys: Vec<String> = unusual.iter().map(|path| path.trim_start_matches('/').replace('/', ".")).collect();
+        if !matched.unusual.is_empty() {
+            let keys: Vec<String> = matched.unusual.iter().map(|path| path.trim_start_matches('/').replace('/', ".")).collect();
             out.push(format!(
                 "\"{}\" has settings that are not those of {} in this version: {}.",
                 matched.row.label,

@@ -7,18 +7,16 @@ use crate::metrics::stats::Summary;
 use crate::table::Row;
 use serde_json::Value;
 
-/// Settings that make a row another method than the paper's, whatever its name: another target of a baseline's radio, depth that no network
-/// could give, and no depth prior.
-const OTHER_METHODS: &[(&str, &[&str])] = &[("/rf_target", &["db"]), ("/reconstruction/depth/prior", &["exact", "none"])];
-
-/// The key of CORF-GS's radio target, and the target of the paper: of rows that differ in nothing else the one that learns it is taken.
-pub const RADIO_TARGET: (&str, &str) = ("/reconstruction/rf_target", "jet");
+/// Settings that make a row another method than the paper's, whatever its name: another target of the radio, depth that no network could
+/// give, and no depth prior.
+const OTHER_METHODS: &[(&str, &[&str])] =
+    &[("/reconstruction/rf_target", &["db"]), ("/rf_target", &["db"]), ("/reconstruction/depth/prior", &["exact", "none"])];
 
 /// A row of ours beside one of the paper's.
 pub struct Matched<'r, 'a> {
     /// The row.
     pub row: &'r Row<'a>,
-    /// Its settings that are not the method's own, or of the radio target not the paper's, apart from the budget: paths of keys.
+    /// Its settings that are not the method's own, apart from the budget: paths of keys.
     pub unusual: Vec<String>,
     /// Whether its budget is smaller than the paper's.
     pub shorter: bool,
@@ -30,10 +28,7 @@ pub struct Matched<'r, 'a> {
 /// and of equals the first; one that has failed in all its cells stands behind all others.
 pub fn find<'r, 'a>(rows: &'r [Row<'a>], family: PaperMethod, method: &str, budget: &[u64]) -> Option<Matched<'r, 'a>> {
     // What this version does not know (a method that was taken out) has no settings of its own to compare with.
-    let mut own = methods::create(method, &toml::Table::new(), &Backend::Cpu).ok().map(|m| m.config());
-    if let Some(target) = own.as_mut().and_then(|own| own.pointer_mut(RADIO_TARGET.0)) {
-        *target = RADIO_TARGET.1.into();
-    }
+    let own = methods::create(method, &toml::Table::new(), &Backend::Cpu).ok().map(|m| m.config());
     let mut found: Vec<(Vec<String>, &Row<'a>)> = rows
         .iter()
         .filter(|r| r.method == method && has_budget(r.config, family, budget) && !is_other_method(r.config))
