@@ -93,6 +93,10 @@ pub(super) const SHORT: &[&str] = &[
     "ssim_opt",
 ];
 
+/// Columns that a reader knows without a definition below the table.
+pub(super) const KNOWN: &[&str] =
+    &["psnr_opt", "ssim_opt", "psnr_rf_jet", "ssim_rf_jet", "psnr_rf_scalar", "rmse_db_30", "psp_similarity", "peak_error_deg"];
+
 /// What usually stands behind the metrics; text and LaTeX have no differences unless asked.
 pub(super) const USUAL: &[Extra] = &[Extra::Difference, Extra::Gaussians, Extra::Seconds];
 

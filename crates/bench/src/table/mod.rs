@@ -22,7 +22,7 @@ use crate::metrics::stats::{Summary, summarize};
 use crate::record::folds::{self, Together};
 use crate::record::{Numbers, PREDICTIONS, Record};
 use crate::split::Protocol;
-use columns::{Extra, PAPER_KEY, SHORT, USUAL, column};
+use columns::{Extra, KNOWN, PAPER_KEY, USUAL, column};
 use std::borrow::Cow;
 
 /// One row: all seeds of one method with one configuration on one device.

@@ -1,6 +1,6 @@
 //! The note under a table: seeds, protocol, caveats of the numbers, failed cells, definitions of unusual columns.
 
-use super::{Column, Columns, Row, SHORT, devices};
+use super::{Column, Columns, KNOWN, Row, devices};
 use crate::metrics::lpips::NO_WEIGHTS;
 use crate::record::PROTOCOL;
 use std::fmt::Write;
@@ -113,7 +113,7 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
             let _ = write!(note, " FAILED: {}, seed {seed}: {error}.", name(&row.label));
         }
     }
-    for column in columns.metrics.iter().filter(|c| !SHORT.contains(&c.key)) {
+    for column in columns.metrics.iter().filter(|c| !KNOWN.contains(&c.key)) {
         let _ = write!(note, " {}: {}.", column.heading, column.definition());
     }
     note
