@@ -78,6 +78,7 @@ mod scene_new;
 mod settings;
 #[cfg(feature = "slow")]
 mod spectra;
+mod uncertainty;
 mod view;
 #[cfg(feature = "slow")]
 mod views;

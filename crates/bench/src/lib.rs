@@ -36,6 +36,7 @@ pub mod split;
 pub mod studies;
 pub mod table;
 pub mod terminal;
+pub mod uncertainty;
 pub mod viewer;
 
 pub use corf_scene::bounds;

@@ -5,7 +5,7 @@ use super::{ColourMap, ERROR_DB, ERROR_LIGHT, Scale, diverging, heat, image_erro
 use crate::metrics::Halves;
 use crate::metrics::peaks::{self, Peak};
 use crate::record::predictions::{shrunk, shrunk_image, shrunk_scalar};
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use corf_raytrace::spectrum::Grid;
 use corf_scene::color::quantize8;
 use corf_scene::dataset::{Dataset, Quantity};
@@ -155,6 +155,42 @@ pub fn keyframe(title: &str, truth: &Keyframe, predicted: Halves<'_>, sensors: &
     }
     ensure!(!rows.is_empty(), "nothing was both observed and predicted that could be drawn");
     figure(title, "", &rows)
+}
+
+/// The figure of a predicted spectrum, levels in `[0, 1]`, beside the standard deviation of its decibels and their absolute error, on one scale.
+///
+/// # Errors
+/// A data set without spectra; directions or levels that no axis holds.
+pub fn uncertainty(
+    title: &str,
+    predicted: &Raster<f32>,
+    [deviation_db, error_db]: [&Raster<f32>; 2],
+    sensors: &Sensors,
+    map: ColourMap,
+) -> Result<String> {
+    let range = sensors.range.context("there are no spectra to draw")?;
+    let grid = Grid::Pinhole(sensors.radio);
+    let peaks = peaks::find(predicted, &grid, &range);
+    let decibels = |name: &str, db: &Raster<f32>| -> Result<Panel<'static>> {
+        let shares = shrunk_scalar(&db.map(|v| (v / ERROR_DB).clamp(0.0, 1.0)), COLUMNS);
+        Ok(Panel {
+            name: name.to_owned(),
+            picture: shares.map(|&t| heat(t)),
+            grid,
+            bar: Some(Bar {
+                colour: Box::new(|t| heat(t as f32)),
+                values: Scale::linear(0.0, f64::from(ERROR_DB))?,
+                unit: "dB".to_owned(),
+            }),
+            peaks: &[],
+        })
+    };
+    let row = vec![
+        spectrum_panel("spectrum, predicted", predicted, grid, (&range, sensors.quantity), map, &peaks)?,
+        decibels("standard deviation", deviation_db)?,
+        decibels("absolute error", error_db)?,
+    ];
+    figure(title, "", &[row])
 }
 
 #[cfg(test)]

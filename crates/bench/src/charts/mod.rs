@@ -29,7 +29,7 @@ mod svg;
 pub use colour_map::{ColourMap, diverging, heat};
 pub use embed::{picture_uri, png_uri};
 pub use errors::{ERROR_DB, ERROR_LIGHT, image_error, spectrum_error};
-pub use keyframe::{Sensors, keyframe, prediction, spectrum};
+pub use keyframe::{Sensors, keyframe, prediction, spectrum, uncertainty};
 pub use latency::{KeyframeLatency, latency};
 pub use plot::{AxesFrame, Corner, LegendMark, Plot};
 pub use quality::quality;

@@ -21,6 +21,7 @@ mod render;
 mod scene;
 mod scene_new;
 mod spectrum;
+mod uncertainty;
 mod view;
 
 use crate::bounds;
@@ -111,6 +112,9 @@ pub enum Command {
     Query(query::Query),
     /// Evaluate a reconstructed field, or predictions of another program, on the held-out keyframes.
     Evaluate(evaluate::Evaluate),
+    /// How far predicted decibels may be off, and where to measure next.
+    #[command(subcommand)]
+    Uncertainty(uncertainty::Uncertainty),
     /// Look at a field, or at a dataset, in a browser: serves a page on this machine, or writes it.
     View(view::View),
     /// Run plans, write tables and reports.
@@ -147,6 +151,7 @@ impl Command {
             Self::Render(c) => c.run(json),
             Self::Query(c) => c.run(json),
             Self::Evaluate(c) => c.run(json),
+            Self::Uncertainty(c) => c.run(json),
             Self::View(c) => c.run(json),
             Self::Bench(c) => c.run(json),
             Self::Doctor(c) => c.run(json),

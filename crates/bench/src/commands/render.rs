@@ -12,6 +12,7 @@ use crate::run::claim_output;
 use crate::run::open::{self, OpenRun};
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
+use crate::uncertainty::{Calibration, Surroundings};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use corf_scene::color::quantize8;
@@ -67,6 +68,9 @@ pub struct Render {
     /// Colours of spectra in the figures.
     #[arg(long, value_enum, default_value_t, requires = "figures")]
     colours: ColourMap,
+    /// Write the standard deviation of every pixel's decibels as well, std_db/00001.exr …, by this file of `corf uncertainty fit`.
+    #[arg(long, value_name = "FILE.json")]
+    uncertainty: Option<PathBuf>,
     /// Output folder.
     #[arg(long)]
     out: PathBuf,
@@ -97,6 +101,9 @@ struct Source {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[serde(rename = "optical_camera")]
     light_camera: Option<Pinhole>,
+    /// SHA-256 of the calibration of standard deviations, where they are written.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    uncertainty: Option<String>,
 }
 
 /// Pictures that a video can show.
@@ -163,6 +170,7 @@ impl Render {
                 (poses, sha256, PoseFrame::World)
             }
         };
+        let judge = self.uncertainty.as_deref().map(|file| judge(file, &mut run)).transpose()?;
         let camera = self.camera(&run.input.dataset)?;
         if let Some(camera) = camera {
             ensure!(has.light, "--size and --fov are of images, and the run has none\n  help: leave them out");
@@ -174,6 +182,7 @@ impl Render {
             poses: poses_sha256,
             poses_in: Some(frame).filter(|frame| *frame != PoseFrame::World),
             light_camera: camera,
+            uncertainty: self.uncertainty.as_deref().map(|file| Ok::<_, anyhow::Error>(sha256_hex(&io::read(file)?))).transpose()?,
         };
         let source_path = self.out.join("render.json");
         if source_path.exists() {
@@ -210,6 +219,12 @@ impl Render {
                 }
                 if let Some(predicted) = &p.image {
                     io::write_png(&image, &predicted.map(|c| c.map(quantize8)))?;
+                }
+                if let (Some(radio), Some((calibration, surroundings))) = (&p.radio, &judge) {
+                    let deviations = calibration.deviations_db(&surroundings.signs(pose, &radio.scalar)?);
+                    let deviations = deviations.iter().map(|d| *d as f32).collect();
+                    let raster = Raster::from_vec(radio.scalar.width(), radio.scalar.height(), deviations);
+                    write_exr(&file("std_db", "exr"), &raster)?;
                 }
                 if let (Some(radio), Some(range)) = (&p.radio, &range) {
                     write_exr(&file("db", "exr"), &radio.scalar.map(|&s| range.db(s) as f32))?;
@@ -270,6 +285,17 @@ impl Render {
             }
         })
     }
+}
+
+/// What standard deviations at a pose of a run follow from: a calibration, and the errors at the run's training keyframes.
+fn judge(file: &Path, run: &mut OpenRun) -> Result<(Calibration, Surroundings)> {
+    let calibration = Calibration::read(file, &run.info.method)?;
+    let predictor = run.predictor.as_mut();
+    let surroundings = Surroundings::of(&run.input.dataset, &run.split.train, |pose| {
+        interrupt::check()?;
+        Ok(predictor.render(pose)?.radio.context("the method predicts no spectra")?.scalar)
+    })?;
+    Ok((calibration, surroundings))
 }
 
 /// One f32 channel as EXR.

@@ -155,7 +155,7 @@ impl Sweep {
     /// Markdown table of each row's gains over the base row.
     fn table(&self, results: &[(String, Vec<Record>)]) -> String {
         let mut out = format!(
-            "# {}\n\n{}, {}, validation keyframes. Differences to the first row in dB of light / RF (Jet), paired by seed; the last columns \
+            "# {}\n\n{}, {}, validation keyframes. Differences to the first row in dB of light / RF (PSNR in decibels), paired by seed; the last columns \
              are over all datasets, with 95 % intervals, and ratios of Gaussians and time.\n\n| change |",
             escape::markdown(&self.name),
             self.method,
@@ -181,7 +181,7 @@ impl Sweep {
                     let gain = |own, base| Some(value(own)? - if label == BASE { 0.0 } else { value(base)? });
                     pairs.iter().filter_map(|((_, own), (_, base))| gain(own, base)).collect()
                 };
-                let (l, r) = (of("psnr_opt"), of("psnr_rf_jet"));
+                let (l, r) = (of("psnr_opt"), of("psnr_rf_scalar"));
                 let nothing = if pairs.is_empty() { "failed" } else { "–" };
                 let mean = |v: &[f64]| summarize(v).map_or(nothing.to_owned(), |s| signed(s.mean, label));
                 let _ = write!(out, " {} / {} |", mean(&l), mean(&r));

@@ -132,6 +132,13 @@ impl Method for Lookup {
     }
 }
 
+/// Distance of two poses, metres, where a radian of rotation counts as many as given.
+pub fn distance_m(a: &Rigid3, b: &Rigid3, metres_per_radian: f64) -> f64 {
+    let d = a.inverse().compose(b);
+    let angle_rad = (0.5 * (d.rotation.x_axis.x + d.rotation.y_axis.y + d.rotation.z_axis.z - 1.0)).clamp(-1.0, 1.0).acos();
+    d.translation.length() + metres_per_radian * angle_rad
+}
+
 struct Observed {
     world_from_camera: Rigid3,
     /// None of a data set without light, nor a spectrum of one without radio.
@@ -147,12 +154,7 @@ struct Table {
 impl Table {
     /// The blended keyframes with their weights, which sum to 1.
     fn neighbours(&self, world_from_camera: &Rigid3) -> Vec<(f32, &Observed)> {
-        let distance = |o: &Observed| {
-            let d = o.world_from_camera.inverse().compose(world_from_camera);
-            let angle_rad =
-                (0.5 * (d.rotation.x_axis.x + d.rotation.y_axis.y + d.rotation.z_axis.z - 1.0)).clamp(-1.0, 1.0).acos();
-            d.translation.length() + self.config.metres_per_radian * angle_rad
-        };
+        let distance = |o: &Observed| distance_m(&o.world_from_camera, world_from_camera, self.config.metres_per_radian);
         let mut near: Vec<(f64, &Observed)> = self.observed.iter().map(|o| (distance(o), o)).collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         near.truncate(self.config.keyframes.max(1));

@@ -14,4 +14,5 @@ pub mod stepwise;
 pub mod wrf_gs_plus;
 
 pub use family::merge;
+pub use lookup::distance_m;
 pub use registry::{abilities, create, find, names, without_retired};

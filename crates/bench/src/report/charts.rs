@@ -73,7 +73,7 @@ pub(super) fn per_frame(records: &[Record]) -> String {
         let points = |n: &Numbers| n.frames.iter().filter_map(|f| Some(((f.index + 1) as f64, of(f)?))).collect::<Vec<_>>();
         cells.iter().enumerate().map(|(row, (_, n))| Line { row, points: points(n) }).filter(|l| !l.points.is_empty()).collect()
     };
-    let radio = chart("PSNR of the Jet spectrum", "keyframe", "dB", &lines(|f| Some(f.spectrum?.psnr_rf_jet)), false);
+    let radio = chart("PSNR of the spectrum (dB)", "keyframe", "dB", &lines(|f| Some(f.spectrum?.psnr_rf_scalar)), false);
     let light = chart("PSNR of the image", "keyframe", "dB", &lines(|f| Some(f.light?.psnr_opt)), false);
     format!("<div class=\"charts\">{radio}{light}</div>{}", legend(&cells))
 }

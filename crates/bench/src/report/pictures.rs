@@ -161,7 +161,7 @@ fn keyframe(report: &Report<'_>, observed: &Observed, rows: usize, share: usize)
                 let error = spectrum_error(truth, scalar, range);
                 [jet_image(&shrunk_scalar(scalar, columns)), shrunk_image(&error, error_columns)]
             });
-            half.push(*row, label, pictures, frame(label).and_then(|f| Some(f.spectrum?.psnr_rf_jet)))?;
+            half.push(*row, label, pictures, frame(label).and_then(|f| Some(f.spectrum?.psnr_rf_scalar)))?;
         }
         [radio, radio_error] = half.figures();
     }

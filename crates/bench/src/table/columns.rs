@@ -43,7 +43,6 @@ impl Extra {
     /// The heading; differences are those of `leading`.
     pub fn heading(self, leading: &Column) -> Cow<'static, str> {
         match self {
-            Self::Difference if leading.key == DIFFERENCE_KEY => Cow::Borrowed("Δ PSNR rf to first row"),
             Self::Difference => Cow::Owned(format!("Δ {} to first row", leading.heading.trim_end_matches([' ', '↑', '↓']))),
             Self::Gaussians => Cow::Borrowed("Gaussians"),
             Self::Seconds => Cow::Borrowed("time, s"),
@@ -79,25 +78,42 @@ impl Columns {
         self.extras.clone().unwrap_or_else(|| usual.to_vec())
     }
 
-    /// The metric that differences are taken of: the one that was named first and leads the table. Where a group leads it, that of spectra which
-    /// comes first; where there is none, the first.
+    /// The metric that differences are taken of: the one that was named first and leads the table. Where a group leads it, PSNR of spectra in
+    /// decibels, or else the PSNR of spectra which comes first; where there is none, the first.
     pub(super) fn leading(&self) -> &'static Column {
         let first = self.first.filter(|first| self.metrics.iter().any(|c| c.key == first.key));
-        let of_spectra = || self.metrics.iter().find(|c| c.key.starts_with("psnr_rf")).copied();
+        let of = |is: fn(&Column) -> bool| self.metrics.iter().find(|c| is(c)).copied();
+        let of_spectra = || of(|c| c.key == DIFFERENCE_KEY).or_else(|| of(|c| c.key.starts_with("psnr_rf")));
         let known = || column(DIFFERENCE_KEY).expect("it is one of the columns");
         first.or_else(of_spectra).or_else(|| self.metrics.first().copied()).unwrap_or_else(known)
     }
 }
 
-/// The columns of the short table (terminal, README): the paper's, then the physical ones that differ most.
-pub(super) const SHORT: &[&str] =
+/// The columns of the short table (terminal, README): what a radio is served by, then what the literature prints.
+pub(super) const SHORT: &[&str] = &[
+    "psnr_rf_scalar",
+    "rmse_db_30",
+    "codebook_loss_db",
+    "peak_error_deg",
+    "psp_similarity",
+    "psnr_rf_jet",
+    "ssim_rf_jet",
+    "psnr_opt",
+    "ssim_opt",
+];
+
+/// Columns that a reader knows without a definition below the table.
+pub(super) const KNOWN: &[&str] =
     &["psnr_opt", "ssim_opt", "psnr_rf_jet", "ssim_rf_jet", "psnr_rf_scalar", "rmse_db_30", "psp_similarity", "peak_error_deg"];
 
 /// What usually stands behind the metrics; text and LaTeX have no differences unless asked.
 pub(super) const USUAL: &[Extra] = &[Extra::Difference, Extra::Gaussians, Extra::Seconds];
 
 /// The metric that the paper's differences are taken of.
-pub(super) const DIFFERENCE_KEY: &str = "psnr_rf_jet";
+pub(super) const PAPER_KEY: &str = "psnr_rf_jet";
+
+/// The metric that differences are taken of where no other is named.
+const DIFFERENCE_KEY: &str = "psnr_rf_scalar";
 
 pub(super) fn column(key: &str) -> Option<&'static Column> {
     COLUMNS.iter().find(|c| c.key == key)
@@ -224,11 +240,11 @@ mod tests {
     fn the_difference_is_of_the_metric_that_leads() {
         let leads = |words: &[&str]| columns(words).unwrap().leading().key;
         assert_eq!(leads(&["rmse_db_30", "psnr_rf_jet"]), "rmse_db_30");
-        assert_eq!(leads(&["psnr_rf_scalar", "delta", "short"]), "psnr_rf_scalar");
+        assert_eq!(leads(&["psnr_rf_jet", "delta", "short"]), "psnr_rf_jet");
         assert_eq!(leads(&["-psnr_opt", "psnr_opt", "ssim_opt"]), "ssim_opt", "what is left out leads nothing");
-        // A group has no column of its own that leads: the paper's differences are those of the spectrum.
+        // A group has no column of its own that leads: differences are those of the spectrum in decibels.
         assert_eq!([leads(&[]), leads(&["short", "rmse_db"]), leads(&["all"])], [DIFFERENCE_KEY; 3]);
         assert_eq!(leads(&["radio"]), RADIO[0]);
-        assert_eq!(leads(&["short", "-psnr_rf_jet"]), "psnr_rf_scalar");
+        assert_eq!(leads(&["short", "-psnr_rf_scalar"]), "psnr_rf_jet");
     }
 }

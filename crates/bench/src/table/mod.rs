@@ -22,7 +22,7 @@ use crate::metrics::stats::{Summary, summarize};
 use crate::record::folds::{self, Together};
 use crate::record::{Numbers, PREDICTIONS, Record};
 use crate::split::Protocol;
-use columns::{DIFFERENCE_KEY, Extra, SHORT, USUAL, column};
+use columns::{Extra, KNOWN, PAPER_KEY, USUAL, column};
 use std::borrow::Cow;
 
 /// One row: all seeds of one method with one configuration on one device.
@@ -132,7 +132,7 @@ impl Row<'_> {
 
     /// This row minus `reference` in the paper's PSNR_rf, paired by seed.
     pub fn difference(&self, reference: &Row<'_>) -> Option<Summary> {
-        self.difference_of(column(DIFFERENCE_KEY)?, reference)
+        self.difference_of(column(PAPER_KEY)?, reference)
     }
 
     /// This row minus `reference` in a metric, paired by seed.

@@ -1,6 +1,6 @@
 //! The note under a table: seeds, protocol, caveats of the numbers, failed cells, definitions of unusual columns.
 
-use super::{Column, Columns, Row, SHORT, devices};
+use super::{Column, Columns, KNOWN, Row, devices};
 use crate::methods::corf_gs::GeometryConfig;
 use crate::metrics::lpips::NO_WEIGHTS;
 use crate::record::PROTOCOL;
@@ -120,7 +120,7 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
             let _ = write!(note, " FAILED: {}, seed {seed}: {error}.", name(&row.label));
         }
     }
-    for column in columns.metrics.iter().filter(|c| !SHORT.contains(&c.key)) {
+    for column in columns.metrics.iter().filter(|c| !KNOWN.contains(&c.key)) {
         let _ = write!(note, " {}: {}.", column.heading, column.definition());
     }
     note

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+use super::anchors::Between;
 use super::births::{Sighting, meeting};
 use super::cloud::{Cloud, Receiver};
 use super::peaks::rays;
@@ -131,12 +132,18 @@ fn gradients_by_emitters_are_those_of_finite_differences() {
         gain: vec![1.0, 2.0, 0.5],
         seen_from: vec![vec![0.2, -0.1, 0.3], vec![0.0, 0.5, -0.4]],
     };
-    let receiver = Receiver::new(&poses(1)[0], &[(0, 0.75), (1, 0.25)], true);
+    for between in [Between::Logs, Between::Powers] {
+        let receiver = Receiver::new(&poses(1)[0], &[(0, 0.75), (1, 0.25)], true).between(between);
+        gradients_are_those_of_differences(&sensor, &cloud, &receiver);
+    }
+}
+
+fn gradients_are_those_of_differences(sensor: &ArraySensor<f64>, cloud: &Cloud<f64>, receiver: &Receiver<f64>) {
     let value = |cloud: &Cloud<f64>| {
-        let waves: Vec<_> = cloud.waves(&receiver, 0.0).into_iter().map(|w| w.1).collect();
+        let waves: Vec<_> = cloud.waves(receiver, 0.0).into_iter().map(|w| w.1).collect();
         loss(&sensor.observe(&waves)).0
     };
-    let seen = cloud.waves(&receiver, 0.0);
+    let seen = cloud.waves(receiver, 0.0);
     assert_eq!(seen.iter().map(|w| w.0).collect::<Vec<_>>(), [0, 1, 2]);
     let waves: Vec<_> = seen.iter().map(|w| w.1).collect();
     let by_pixel = loss(&sensor.observe(&waves)).1;
@@ -154,8 +161,13 @@ fn gradients_by_emitters_are_those_of_finite_differences() {
         let by_gain = by_power[i][0] * waves[i].power;
         let expected = difference(&|c, h| c.gain[i] += h);
         assert!((by_gain - expected).abs() < 1e-5 * expected.abs().max(1.0), "{i}: {by_gain} {expected}");
-        let from = difference(&|c, h| c.seen_from[0][i] += h);
-        assert!((0.75 * by_gain - from).abs() < 1e-5 * expected.abs().max(1.0), "{i}: {by_gain} {from}");
+        let mut parts = vec![];
+        cloud.parts(i, receiver, &mut parts);
+        assert!((parts.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        for (k, part) in parts.iter().enumerate() {
+            let from = difference(&|c, h| c.seen_from[k][i] += h);
+            assert!((part * by_gain - from).abs() < 1e-5 * expected.abs().max(1.0), "{i}, {k}: {by_gain} {from}");
+        }
     }
 }
 

@@ -72,7 +72,7 @@ impl ArrayTrainer {
             over_splats,
             most_power: Some(10f64.powf(0.1 * (range.max_db + settings.unseen_db())) / settings.peak()),
             extent_m: config.point_extent * config.point_spacing_m,
-            anchors: Anchors { positions_m: vec![], width_m: config.anchor_width_m },
+            anchors: Anchors { positions_m: vec![], width_m: config.anchor_width_m, between: config.between_anchors },
             sources: Cloud::default(),
             points: Cloud::default(),
         };
@@ -153,7 +153,7 @@ impl ArrayTrainer {
     /// A field of another sensor, camera or configuration.
     pub fn restore(&mut self, field: ArrayField, keyframes: usize) -> Result<()> {
         let fixed = |f: &ArrayField| {
-            (f.sensor, f.pattern, f.camera, f.half_space, f.over_splats, f.most_power, f.extent_m, f.anchors.width_m)
+            (f.sensor, f.pattern, f.camera, f.half_space, f.over_splats, f.most_power, f.extent_m, (f.anchors.width_m, f.anchors.between))
         };
         if fixed(&field) != fixed(&self.field) {
             let what = "it is of another sensor, camera or configuration";
@@ -197,8 +197,8 @@ impl ArrayTrainer {
         if !self.field.anchors.positions_m.iter().any(near) {
             let weights = self.field.anchors.weights(place);
             self.field.anchors.positions_m.push(place);
-            self.field.sources.add_anchor(&weights);
-            self.field.points.add_anchor(&weights);
+            self.field.sources.add_anchor(&weights, self.config.between_anchors);
+            self.field.points.add_anchor(&weights, self.config.between_anchors);
         }
     }
 

@@ -20,7 +20,7 @@ pub struct Density {
     /// Thinnings, with commas between: of every so many training keyframes one trains. Held-out keyframes stay the same.
     #[arg(long, value_delimiter = ',', value_name = "N,N", default_value = "1,2,4,8")]
     every: Vec<NonZeroUsize>,
-    /// Metrics, with commas between, by the keys of `corf bench table --help` (default: psnr_rf_jet and psnr_opt, as far as the data set has both).
+    /// Metrics, with commas between, by the keys of `corf bench table --help` (default: psnr_rf_scalar and psnr_opt, as far as the data set has both).
     #[arg(long, value_delimiter = ',', value_name = "KEY,KEY")]
     metric: Vec<String>,
     #[command(flatten)]

@@ -135,7 +135,7 @@ impl Density {
             "a field is compared with copying\n  help: give the plan a row of nearest or inverse-distance, and one of another method"
         );
         let has = dataset.modalities();
-        let usual = [("psnr_rf_jet", has.radio), ("psnr_opt", has.light)];
+        let usual = [("psnr_rf_scalar", has.radio), ("psnr_opt", has.light)];
         let keys: Vec<&str> = match metrics {
             [] => usual.iter().filter(|(_, there)| *there).map(|(key, _)| *key).collect(),
             given => given.iter().map(String::as_str).collect(),
