@@ -110,6 +110,9 @@ def main(folder: Path) -> None:
         print(f"held-out {what}: PSNR {np.mean(ours):.1f} dB, of the nearest keyframes {np.mean(lookup):.1f} dB")
         assert np.mean(ours) > np.mean(lookup)
     assert all(v.spectrum_db.shape == k.spectrum_db.shape and v.depth_m.shape == k.depth_m.shape for k, v in zip(test, views))
+    asked = field.query([k.world_from_camera for k in test], device="cpu")
+    print(f"aggregates: {np.round(asked.rssi_dbm, 1)} dBm, best beams {asked.best_beam}, {100 * asked.outage_share:.0f} % in outage")
+    assert len(asked) == len(test) and (0 <= asked.best_beam).all() and np.isfinite(asked.rate_bps_hz).all()
 
     # 8. The program's own metrics are those of the arrays.
     means = field.evaluate(device="cpu")["means"]

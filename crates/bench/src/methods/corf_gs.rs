@@ -18,7 +18,7 @@ use corf::{Device, FieldMeta, IdleKey, Reconstructor};
 use corf_scene::keyframe::Modalities;
 use corf_scene::words::counted;
 use geometry::Geometry;
-pub use geometry::GeometryConfig;
+pub use geometry::{GeometryConfig, StartOpacity};
 pub use live::live_overrides;
 pub(super) use online::Checkpointer;
 use online::Online;
@@ -322,7 +322,7 @@ impl Method for CorfGs {
     ) -> Result<Box<dyn Predictor>> {
         if let Some(of) = &self.config.geometry {
             let geometry = self.geometry(of, training)?;
-            return geometry.learn_radio(&self.config, of.epochs, &self.backend, training, seed, advance);
+            return geometry.learn_radio(&self.config, of, &self.backend, training, seed, advance);
         }
         let mut config = self.config.reconstruction.clone();
         let has = training.modalities();

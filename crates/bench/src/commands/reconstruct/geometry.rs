@@ -1,7 +1,7 @@
 //! `--geometry RUN`: what there is to say of a finished run whose light and geometry are kept.
 
 use crate::device::Backend;
-use crate::methods::corf_gs::GeometryConfig;
+use crate::methods::corf_gs::{GeometryConfig, StartOpacity};
 use crate::methods::registry;
 use crate::run::open::{raster_of, read_info};
 use anyhow::{Result, ensure};
@@ -32,10 +32,13 @@ pub fn table(run: &Path, given: Option<&toml::Value>) -> Result<toml::Table> {
         raster: keeps.unwrap_or_default(),
         seconds: info.seconds,
         epochs: GeometryConfig::usual_epochs(),
+        opacity: StartOpacity::default(),
+        rate_at_end: GeometryConfig::usual_rate_at_end(),
     };
     let mut table = toml::Table::try_from(config)?;
     for (key, value) in given.and_then(toml::Value::as_table).into_iter().flatten() {
-        ensure!(key == "epochs", "key geometry.{key}: --geometry says it\n  help: leave it out");
+        let is_own = ["epochs", "opacity", "rate_at_end"].contains(&key.as_str());
+        ensure!(is_own || !table.contains_key(key), "key geometry.{key}: --geometry says it\n  help: leave it out");
         table.insert(key.clone(), value.clone());
     }
     Ok(table)

@@ -7,7 +7,8 @@ use crate::methods::interface::{Advance, FieldReader, Predictor, StageTime, Trai
 use crate::split::{Protocol, Split};
 use anyhow::{Context, Result, ensure};
 use corf::expansion::initial::{RadioView, color_by_views};
-use corf::{Appearance, AppearanceRates, Field, FieldMeta, RadioOnGeometry, RasterConfig};
+use corf::gaussians::logit;
+use corf::{Appearance, AppearanceRates, Field, FieldMeta, Gaussians, RadioOnGeometry, RasterConfig};
 use corf_scene::dataset::{Dataset, LightFrom};
 use corf_scene::io::{self, sha256_hex};
 use corf_scene::words::counted;
@@ -46,6 +47,40 @@ pub struct GeometryConfig {
     /// Times that every spectrum is trained on, at full resolution. Default 60.
     #[serde(default = "GeometryConfig::usual_epochs")]
     pub epochs: usize,
+    /// Radio opacity to begin with. Default `run`.
+    #[serde(default)]
+    pub opacity: StartOpacity,
+    /// Share of the rates under `optimizer.rf` that is left in the last epoch; they fall by the same factor from one to the next. Default 0.1.
+    #[serde(default = "GeometryConfig::usual_rate_at_end")]
+    pub rate_at_end: f32,
+}
+
+/// Radio opacity to begin with, where radio is learnt on the geometry of a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StartOpacity {
+    /// What the run has learnt for its transmitter: what blocks one mostly blocks the other.
+    #[default]
+    Run,
+    /// What the run has learnt for light.
+    #[serde(rename = "optical")]
+    Light,
+    /// The same little opacity everywhere.
+    Fresh,
+}
+
+impl StartOpacity {
+    /// Opacity of [`Self::Fresh`].
+    const FRESH: f32 = 0.1;
+
+    /// The opacities, before the logistic function, of a finished field's Gaussians.
+    fn logits(self, finished: &Gaussians) -> Vec<f32> {
+        match self {
+            Self::Run => finished.radio.opacity_logit.clone(),
+            Self::Light => finished.light.opacity_logit.clone(),
+            Self::Fresh => vec![logit(Self::FRESH); finished.len()],
+        }
+    }
 }
 
 /// Most epochs.
@@ -56,6 +91,18 @@ impl GeometryConfig {
     /// Epochs where none are given.
     pub fn usual_epochs() -> usize {
         60
+    }
+
+    /// Share of the rates in the last epoch where none is given.
+    pub fn usual_rate_at_end() -> f32 {
+        0.1
+    }
+
+    /// The rates of an epoch.
+    fn rates(&self, full: AppearanceRates, epoch: usize) -> AppearanceRates {
+        let done = epoch as f32 / (self.epochs.max(2) - 1) as f32;
+        let left = self.rate_at_end.powf(done);
+        AppearanceRates { sh_dc: left * full.sh_dc, opacity: left * full.opacity, ..full }
     }
 
     /// SHA-256 of the Gaussians of a run.
@@ -86,11 +133,15 @@ impl GeometryConfig {
     }
 
     /// # Errors
-    /// No epochs, or more than anybody waits for.
+    /// No epochs, or more than anybody waits for; rates that end at nothing or above where they began.
     pub(super) fn validate(&self) -> Result<()> {
         ensure!(
             (1..=MOST_EPOCHS).contains(&self.epochs),
             "key geometry.epochs: the value is out of range\n  help: give 1 to {MOST_EPOCHS}"
+        );
+        ensure!(
+            (1e-6..=1.0).contains(&self.rate_at_end),
+            "key geometry.rate_at_end: the value is out of range\n  help: give a share from 1e-6 to 1, where 1 keeps the rates"
         );
         Ok(())
     }
@@ -173,13 +224,13 @@ impl Geometry {
     pub fn learn_radio(
         &self,
         config: &CorfGsConfig,
-        epochs: usize,
+        geometry: &GeometryConfig,
         backend: &Backend,
         training: &TrainingSet<'_>,
         seed: u64,
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
-        let begin = Instant::now();
+        let (begin, epochs) = (Instant::now(), geometry.epochs);
         let Field { gaussians, meta } = &self.field;
         let target = config.reconstruction.radio_target;
         let meta = FieldMeta {
@@ -203,11 +254,9 @@ impl Geometry {
                 radio: target.encode(spectrum, &meta.db_range),
             })
             .collect();
-        let mut radio = Appearance { opacity_logit: start_opacity(gaussians), ..config.reconstruction.empty_field().radio };
+        let opacity_logit = geometry.opacity.logits(gaussians);
+        let mut radio = Appearance { opacity_logit, ..config.reconstruction.empty_field().radio };
         color_by_views(&mut radio, &gaussians.position, &shown_views, &meta.radio_camera, target.floor_color());
-        if std::env::var("CORF_X_COLOR").is_ok_and(|v| v == "run") {
-            radio.sh = gaussians.radio.sh.clone();
-        }
         drop(shown_views);
         let device = config.device(backend)?;
         let mut learner = RadioOnGeometry::new(device, gaussians.clone(), radio, meta, config.reconstruction.clone(), seed)?;
@@ -216,7 +265,7 @@ impl Geometry {
         }
         let made_ready_s = begin.elapsed().as_secs_f64();
         for epoch in 0..epochs {
-            learner.epoch(rates(config.optimizer.radio, epoch, epochs))?;
+            learner.epoch(geometry.rates(config.optimizer.radio, epoch))?;
             let count = Some(learner.gaussian_count());
             let learner = RefCell::new(&mut learner);
             let read = || shown(learner.borrow_mut().field());
@@ -233,27 +282,6 @@ impl Geometry {
         advance(Advance { gaussians: Some(learner.gaussian_count()), stages: &stages, ..Advance::of(epochs, epochs) })?;
         let field = FieldPredictor::learnt(learner.field()?, config.raster, backend)?;
         Ok(Box::new(field.clearing(learner)))
-    }
-}
-
-fn start_opacity(g: &corf::Gaussians) -> Vec<f32> {
-    match std::env::var("CORF_X_OPACITY").as_deref() {
-        Ok("light") => g.light.opacity_logit.clone(),
-        Ok("run") | Err(_) => g.radio.opacity_logit.clone(),
-        Ok(number) => vec![corf::gaussians::logit(number.parse().unwrap()); g.len()],
-    }
-}
-
-/// Rates of an epoch.
-fn rates(full: AppearanceRates, epoch: usize, epochs: usize) -> AppearanceRates {
-    let x = |name: &str, own: f32| std::env::var(name).ok().and_then(|v| v.parse::<f32>().ok()).unwrap_or(own);
-    let least = x("CORF_X_LEAST", 1.0);
-    let share = epoch as f32 / (epochs.max(2) - 1) as f32;
-    let factor = least.powf(share);
-    AppearanceRates {
-        sh_dc: x("CORF_X_DC", 1.0) * full.sh_dc * factor,
-        opacity: x("CORF_X_OP_RATE", 1.0) * full.opacity * factor,
-        sh_rest_divisor: x("CORF_X_REST", 1.0) * full.sh_rest_divisor,
     }
 }
 
