@@ -46,7 +46,8 @@ pub struct Coverage {
 impl Coverage {
     /// Over keyframes; nothing without pixels.
     pub fn of(judged: &[Judged<'_>]) -> Option<Self> {
-        let pixels = || judged.iter().flat_map(|j| j.errors_db.iter().zip(&j.deviations_db).map(move |(e, d)| (e.abs(), *d, j.factor)));
+        let pixels =
+            || judged.iter().flat_map(|j| j.errors_db.iter().zip(&j.deviations_db).map(move |(e, d)| (e.abs(), *d, j.factor)));
         let count = pixels().count();
         if count == 0 {
             return None;
@@ -118,6 +119,8 @@ mod tests {
     #[test]
     fn ranks_of_equal_values_are_shared() {
         assert_eq!(ranks(&[3.0, 1.0, 3.0, 2.0]), [2.5, 0.0, 2.5, 1.0]);
-        assert!((correlation(&[1.0, 2.0, 3.0], &[5.0, 6.0, 7.0]) - 1.0).abs() < 1e-12 && correlation(&[1.0, 1.0], &[1.0, 2.0]) == 0.0);
+        assert!(
+            (correlation(&[1.0, 2.0, 3.0], &[5.0, 6.0, 7.0]) - 1.0).abs() < 1e-12 && correlation(&[1.0, 1.0], &[1.0, 2.0]) == 0.0
+        );
     }
 }
