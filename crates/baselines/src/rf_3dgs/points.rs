@@ -91,14 +91,14 @@ pub fn random(poses: &[Rigid3], count: usize, half_side_m: f64, seed: u64) -> Ve
 }
 
 /// Points of any colour, normal around an array and mirrored to above it: what lies below is not in its spectrum.
-pub fn above(array: &FixedArray, count: usize, spread_m: f64, seed: u64) -> Vec<Point> {
+pub fn above(array: &FixedArray, count: usize, spread_m: f64, seed: u64) -> Vec<SparsePoint> {
     let [x, y, z, w] = array.orientation_xyzw;
     let room_from_array = DQuat::from_xyzw(x, y, z, w).normalize();
     let point = |i: usize| {
         let mut rng = Rng::keyed(seed, stage::INITIAL_POINTS, i as u64);
         let [x, y, z] = [0; 3].map(|_| spread_m * rng.normal());
         let position = DVec3::from(array.position_m) + room_from_array * DVec3::new(x, y, z.abs());
-        Point { position: position.as_vec3().to_array(), color: [0; 3].map(|_| (256.0 * rng.uniform_f64()) as u8) }
+        SparsePoint { position: position.as_vec3().to_array(), color: [0; 3].map(|_| (256.0 * rng.uniform_f64()) as u8) }
     };
     (0..count).map(point).collect()
 }
