@@ -167,6 +167,7 @@ pub fn clocked(
         keyframes,
         depth,
         stages,
+        training_times,
         resumed_steps,
     })
 }
