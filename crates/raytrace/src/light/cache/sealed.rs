@@ -28,7 +28,8 @@ impl Extent {
 /// Per triangle of a scene, whose corners have numbers of their own: whether behind it lies the inside of a sealed body. Triangles that meet in
 /// pairs along edges make a body; it is sealed if it is closed, stops all light, has its fronts outside, and no emitter in its bounding box.
 pub(super) fn sealed(tracer: &LightTracer<'_>, triangles: &[[Vec3; 3]], numbers: &[[u32; 3]]) -> Vec<bool> {
-    // Each edge with the triangles along it, and whether they run along it from its lower number to its higher.
+    // Each edge with the triangles along it, and whether they run along it from its lower number to its higher. What follows does not depend on
+    // the order of edges.
     let mut along: HashMap<[u32; 2], Vec<(u32, bool)>> = HashMap::with_capacity(2 * numbers.len());
     for (triangle, of) in (0u32..).zip(numbers) {
         for k in 0..3 {
