@@ -137,8 +137,8 @@ iterations_per_keyframe = 40
 overlapped_iterations = 40
 ";
 
-/// Settings of `corf-gs-live`: what a keyframe waits for behind its expansion is its steps. 30 of them take 25 to 30 ms at 1600×900 on an H200, with the
-/// expansion some 42, of the 67 that a camera of 15 keyframes/s leaves; docs/live.md has the account.
+/// Settings of `corf-gs-live`: what a keyframe waits for behind its expansion is its steps. 30 of them take 23 to 29 ms at 1600×900 on an H200, and
+/// the expansion 9 to 16, of the 67 that a camera of 15 keyframes/s leaves; docs/live.md has the account.
 const LIVE: &str = "iterations_per_keyframe = 30";
 
 /// Settings of `corf-gs-quality`: what offline passes over all keyframes add to the paper's budget. docs/METHODOLOGY.md has the figures.
