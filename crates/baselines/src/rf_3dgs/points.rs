@@ -9,9 +9,9 @@ use corf::{
     depth::{self, GreyView},
     gaussians::{SH_C0, logit},
 };
+use corf_scene::dataset::FixedArray;
 use corf_scene::words::counted;
 use corf_scene::{Light, Pinhole, Raster, Rigid3, Rng, io::write_atomic};
-use corf_scene::dataset::FixedArray;
 use glam::{DQuat, DVec3};
 use std::path::Path;
 

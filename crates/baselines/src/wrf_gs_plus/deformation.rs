@@ -42,7 +42,11 @@ impl<T: Real> Deformation<T> {
     pub fn new(config: &WrfGsPlusConfig, parameters: Vec<T>) -> Self {
         let model = Model::new(config);
         assert_eq!(parameters.len(), model.network.parameters(), "parameters of this network");
-        Self { model, rule: Rule { move_positions: config.move_positions, signal_is_magnitude: false }, trained: Trained::new(parameters) }
+        Self {
+            model,
+            rule: Rule { move_positions: config.move_positions, signal_is_magnitude: false },
+            trained: Trained::new(parameters),
+        }
     }
 
     fn forward(&self, block: &[Shape<T>], receiver: &[T]) -> Block<T> {

@@ -91,7 +91,8 @@ impl Rule {
             dc: gradient.dc,
         };
         let position = if self.move_positions { gradient.position } else { [T::ZERO; 3] };
-        let sign = |k: usize| if self.signal_is_magnitude && offsets.signal[k] < T::ZERO { -gradient.dc[k] } else { gradient.dc[k] };
+        let sign =
+            |k: usize| if self.signal_is_magnitude && offsets.signal[k] < T::ZERO { -gradient.dc[k] } else { gradient.dc[k] };
         (of_base, Offsets { position, scale, rotation: g, signal: [0, 1, 2].map(sign) })
     }
 }

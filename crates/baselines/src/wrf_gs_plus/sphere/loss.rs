@@ -30,7 +30,8 @@ pub(super) fn levels<T: Real>(image: &Channels<T>) -> Vec<T> {
 
 /// A map seen through the window, nothing beyond its borders. It is its own adjoint.
 fn seen<T: Real>(map: &[T], columns: usize) -> Vec<T> {
-    let weights: Vec<f64> = (-(RADIUS as i32)..=RADIUS as i32).map(|i| (-f64::from(i * i) / (2.0 * DEVIATION * DEVIATION)).exp()).collect();
+    let weights: Vec<f64> =
+        (-(RADIUS as i32)..=RADIUS as i32).map(|i| (-f64::from(i * i) / (2.0 * DEVIATION * DEVIATION)).exp()).collect();
     let sum: f64 = weights.iter().sum();
     let weights: Vec<T> = weights.iter().map(|w| T::of(w / sum)).collect();
     let rows = map.len() / columns;

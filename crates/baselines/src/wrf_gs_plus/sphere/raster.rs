@@ -153,9 +153,8 @@ impl<T: Real> Drawing<'_, T> {
             let pixels = band * BAND * self.lens.columns..;
             let (image, of_image) = (&image[pixels.clone()], &of_image[pixels]);
             // g · (what is composited from here on), per pixel.
-            let mut behind: Vec<T> = (0..walk.transmittance.len())
-                .map(|i| of_image[i][0] * image[i][0] + of_image[i][1] * image[i][1])
-                .collect();
+            let mut behind: Vec<T> =
+                (0..walk.transmittance.len()).map(|i| of_image[i][0] * image[i][0] + of_image[i][1] * image[i][1]).collect();
             let of_splat = |k: &u32| {
                 let splat = &self.splats[*k as usize];
                 let mut sum = SplatGradient::<T>::default();

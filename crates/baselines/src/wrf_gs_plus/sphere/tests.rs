@@ -4,8 +4,8 @@ use super::lens::Lens;
 use super::loss::{level, loss, of_channels};
 use super::raster::draw;
 use crate::wrf_gs_plus::Shape;
-use corf::loss::ssim;
 use corf::device::Planes;
+use corf::loss::ssim;
 use corf_scene::Rng;
 use corf_scene::dataset::FixedArray;
 
@@ -21,7 +21,12 @@ fn at(array: &FixedArray, azimuth_deg: f64, elevation_deg: f64, deviation_m: f64
     let (a, e) = (azimuth_deg.to_radians(), elevation_deg.to_radians());
     let direction = glam::DVec3::new(e.cos() * a.cos(), e.cos() * a.sin(), e.sin());
     let position = glam::DVec3::from(array.position_m) + glam::DQuat::from_xyzw(x, y, z, w) * (5.0 * direction);
-    Shape { position: position.to_array(), rotation: [1.0, 0.0, 0.0, 0.0], log_scale: [deviation_m.ln(); 3], dc: [1.0, -0.5, 0.0] }
+    Shape {
+        position: position.to_array(),
+        rotation: [1.0, 0.0, 0.0, 0.0],
+        log_scale: [deviation_m.ln(); 3],
+        dc: [1.0, -0.5, 0.0],
+    }
 }
 
 fn brightest(lens: &Lens, shape: Shape<f64>) -> (usize, usize) {

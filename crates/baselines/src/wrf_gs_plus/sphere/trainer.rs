@@ -6,7 +6,7 @@ use super::raster::draw;
 use crate::mlp::Trained;
 use crate::wrf_gs_plus::cpu::{put, shapes};
 use crate::wrf_gs_plus::trainer::NETWORK_ADAM;
-use crate::wrf_gs_plus::{DeformedStep, Deformation, Model, Trainer, WrfGsPlusConfig};
+use crate::wrf_gs_plus::{Deformation, DeformedStep, Model, Trainer, WrfGsPlusConfig};
 use corf::device::cpu::deformed::{CORE, Rows};
 use corf::device::{Device, Planes, StepReport, TrainingView, View, ViewId};
 use corf::{CpuDevice, Error, Result};
@@ -43,7 +43,14 @@ impl ArrayTrainer {
         let device = CpuDevice::new(config.optimizer(), config.raster(), &config.empty_field())?;
         let mut deformation = Deformation::new(config, parameters);
         deformation.rule.signal_is_magnitude = true;
-        Ok(Self { device, deformation, lens: Lens::new(array, f64::from(config.near_m)), targets: vec![], channels, ssim_weight: config.rates.ssim_weight })
+        Ok(Self {
+            device,
+            deformation,
+            lens: Lens::new(array, f64::from(config.near_m)),
+            targets: vec![],
+            channels,
+            ssim_weight: config.rates.ssim_weight,
+        })
     }
 
     fn logits(rows: &Rows) -> Vec<f32> {
