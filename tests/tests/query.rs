@@ -104,7 +104,10 @@ fn so_do_a_field_of_emitters_and_a_lookup_on_the_spectra_of_beams() {
     let (config, dataset) = (tiny_cached_config(folder.path(), 10), at("bartlett"));
     let base = ["dataset", "generate", text(&config), "--out", text(&dataset), "--light-from", text(tiny_dataset())];
     corf_ok(&[&base[..], &["--set", "rf.spectrum=bartlett"]].concat());
-    for (method, more) in [("corf-array", &["--set", "light.iterations_per_keyframe=5"][..]), ("nearest", &[])] {
+    for (method, more) in [
+        ("corf-array", &["--set", "light.iterations_per_keyframe=5", "--set", "iterations_per_keyframe=5"][..]),
+        ("nearest", &[]),
+    ] {
         let run = at(method);
         let base = ["reconstruct", text(&dataset), "--out", text(&run), "--method", method, "--device", "cpu"];
         corf_ok(&[&base[..], more].concat());

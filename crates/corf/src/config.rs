@@ -122,10 +122,6 @@ pub struct ReconstructionConfig {
     /// the field and before its Gaussians and images are added, so that a GPU trains while the processor decides what to add. After the
     /// last keyframe they run without overlap. Default 0, as published.
     pub overlapped_iterations: usize,
-    /// Steps on spectra alone that follow those of a keyframe: they train opacity and colour at 60 GHz on any keyframe of the buffer, and leave light
-    /// and geometry as they are. Default 0, as published.
-    #[serde(rename = "rf_iterations_per_keyframe", skip_serializing_if = "is_zero")]
-    pub radio_iterations_per_keyframe: usize,
     /// Time of a keyframe instead of `iterations_per_keyframe`, milliseconds from when its turn comes: its expansion takes what it takes, and
     /// steps fill the rest, five at least. A result then depends on the machine and its load, and no two runs are the same.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -243,10 +239,6 @@ pub struct DepthConfig {
     pub matched_on: MatchedOn,
 }
 
-fn is_zero(count: &usize) -> bool {
-    *count == 0
-}
-
 impl Default for DepthConfig {
     fn default() -> Self {
         Self {
@@ -352,7 +344,6 @@ impl Default for ReconstructionConfig {
             least_probability: 0.0,
             radio_target: RadioTarget::Jet,
             iterations_per_keyframe: 75,
-            radio_iterations_per_keyframe: 0,
             keyframe_budget_ms: None,
             overlapped_iterations: 0,
             pyramid_levels: 3,

@@ -19,7 +19,7 @@ use corf_scene::dataset::Dataset;
 use corf_scene::io::write_atomic;
 use corf_scene::npz::{Array, Values, encode_npz};
 use corf_scene::words::counted;
-use corf_scene::{Error, Rigid3};
+use corf_scene::{Error, Raster, Rigid3};
 use glam::DVec3;
 use rayon::prelude::*;
 use serde_json::json;
@@ -243,7 +243,7 @@ fn check_inside(place: &str, poses: &[Rigid3], [least, most]: &[DVec3; 2]) -> Re
 fn aggregates(predictor: &mut dyn Predictor, aggregator: &Aggregator, poses: &[Rigid3]) -> Result<Vec<Aggregates>> {
     let mut progress = Progress::start("asking the field", poses.len(), "poses");
     let all = std::thread::scope(|scope| -> Result<Vec<Aggregates>> {
-        let (sender, spectra) = sync_channel::<Vec<_>>(1);
+        let (sender, spectra) = sync_channel::<Vec<Raster<f32>>>(1);
         let summing = scope.spawn(move || {
             let mut all = Vec::with_capacity(poses.len());
             while let Ok(some) = spectra.recv() {

@@ -354,11 +354,7 @@ impl Reconstructor {
         let on_the_host = device.trains_on_the_host();
         let mut train = || {
             let mut draw = |count| schedule.online(count, config.latest_probability, weights, config);
-            let (last, steps) = amount.train(device.as_mut(), &mut draw)?;
-            let x_geometry = std::env::var("CORF_X_GEO").is_ok();
-            let alone = StageWeights { light: 0.0, depth: false, geometry: x_geometry, ..weights };
-            device.train(&schedule.radio_alone(config.radio_iterations_per_keyframe, alone, config))?;
-            Ok::<_, Error>((last, steps, Instant::now()))
+            amount.train(device.as_mut(), &mut draw).map(|(last, steps)| (last, steps, Instant::now()))
         };
         let (trained, ()) = if on_the_host { rayon::join(train, || ahead.prepare_one()) } else { (train(), ()) };
         let (last, steps, trained) = trained?;

@@ -180,7 +180,10 @@ mod tests {
                 }
                 let rates = OptimizerConfig::default().radio;
                 let first = learner.epoch(rates).unwrap().radio_loss;
-                let last = (0..20).map(|_| learner.epoch(rates).unwrap()).last().unwrap();
+                let mut last = StepReport::default();
+                for _ in 0..20 {
+                    last = learner.epoch(rates).unwrap();
+                }
                 assert!(last.radio_loss < 0.7 * first && last.light_loss == 0.0, "{first} to {last:?}");
                 learner.field().unwrap()
             };

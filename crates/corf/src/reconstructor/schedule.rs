@@ -132,32 +132,6 @@ impl Schedule {
             .collect()
     }
 
-    /// `count` steps on spectra alone, of any keyframes of the buffer at the resolution that their visits have come to; they count as no visits.
-    pub fn radio_alone(&mut self, count: usize, weights: StageWeights, config: &ReconstructionConfig) -> Vec<Step> {
-        let count = if self.views.is_empty() { 0 } else { count };
-        let step = |_| {
-            let mut rng = Rng::keyed(self.seed, stage::STEPS, self.steps_drawn);
-            self.steps_drawn += 1;
-            let (view, visits) = self.views[rng.below(self.views.len())];
-            Step {
-                view,
-                levels: [
-                    0,
-                    (config.pyramid_levels - 1)
-                        .saturating_sub((visits / config.visits_per_level) as u32)
-                        .min(config.radio_pyramid_levels.map_or(config.pyramid_levels - 1, |n| n - 1)),
-                ],
-                light_weight: 0.0,
-                radio_weight: weights.radio,
-                depth_weight: 0.0,
-                train_geometry: weights.geometry,
-                light_background: [0.0; 3],
-                radio_background: self.radio_floor,
-            }
-        };
-        (0..count).map(step).collect()
-    }
-
     /// One epoch: every keyframe once at full resolution, in a random order.
     pub fn epoch(&mut self, weights: StageWeights, config: &ReconstructionConfig) -> Vec<Step> {
         let mut rng = Rng::keyed(self.seed, stage::EPOCHS, self.steps_drawn);

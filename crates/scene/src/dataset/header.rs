@@ -1,6 +1,5 @@
 //! Metadata of a dataset: `dataset.json` and `trajectory.json`.
 
-use super::shared_light::LightFrom;
 use crate::config::{DatasetConfig, ReceiverConfig, SceneConfig, SpectrumKind, SplitConfig, TransmitterConfig};
 use crate::keyframe::{DbRange, Modalities};
 use crate::model::Permittivity;
@@ -93,6 +92,18 @@ pub struct DatasetHeader {
     /// The trajectory (written to `trajectory.json`).
     #[serde(skip)]
     pub poses: Vec<TrajectoryPose>,
+}
+
+/// The data set whose light another one has: images, depths and surfaces are its files, byte for byte.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LightFrom {
+    /// Its name.
+    pub dataset: String,
+    /// SHA-256 of its `dataset.json`, which holds that of every file.
+    pub dataset_hash: String,
+    /// The program that traced the light, with its version.
+    pub generator: String,
 }
 
 /// Training and test keyframes by index, ascending.

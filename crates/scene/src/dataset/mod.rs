@@ -38,14 +38,13 @@ pub use export::ColoredPoint;
 pub(crate) use export::{Besides, transforms_json};
 pub use fixed_array::{FIXED_ARRAY_SCHEMA, FixedArray, ImportedArray, import_fixed_array};
 pub use header::{
-    DATASET_SCHEMA, DatasetHeader, Imported, MaterialRecord, MeanAndRange, OnSurface, Quantity, SamplingError, StatedSensor,
-    StatedSplit,
+    DATASET_SCHEMA, DatasetHeader, Imported, LightFrom, MaterialRecord, MeanAndRange, OnSurface, Quantity, SamplingError,
+    StatedSensor, StatedSplit,
 };
 pub use identity::check_finished;
 pub use layout::stem;
 pub use numpy::keyframe_npz;
 pub use reader::Dataset;
-pub use shared_light::LightFrom;
 pub use validate::validate;
 pub(crate) use writer::millimetres;
 pub use writer::{DatasetWriter, Extras, KeyframeContent, forget_progress, grown_frame};

@@ -1,30 +1,17 @@
 //! Light that a data set has from another one of the same room and poses: its files are linked or copied, hashes checked, and none is traced again.
 
 use super::file::FileRecord;
-use super::header::DatasetHeader;
+use super::header::{DatasetHeader, LightFrom};
 use super::identity::compare;
 use super::{Dataset, layout};
 use crate::trajectory::TrajectoryPose;
 use crate::words::counted;
 use crate::{Error, Result, io};
-use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::Path;
 
 /// Differences that a refusal names; more of them say no more.
 const NAMED: usize = 6;
-
-/// The data set whose light another one has: images, depths and surfaces are its files, byte for byte.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LightFrom {
-    /// Its name.
-    pub dataset: String,
-    /// SHA-256 of its `dataset.json`, which holds that of every file.
-    pub dataset_hash: String,
-    /// The program that traced the light, with its version.
-    pub generator: String,
-}
 
 impl LightFrom {
     /// The data set that traced the light of `source`: itself, or the one whose light it has.
