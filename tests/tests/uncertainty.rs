@@ -11,7 +11,20 @@ fn errors_of_one_run_become_intervals_of_another_and_tell_where_to_measure() {
     let dataset = text(tiny_dataset());
     let reconstruct = |name: &str, method: &str, protocol: &str, seed: &str| {
         let run = at(name);
-        let all = ["reconstruct", dataset, "--out", text(&run), "--method", method, "--protocol", protocol, "--seed", seed, "--device", "cpu"];
+        let all = [
+            "reconstruct",
+            dataset,
+            "--out",
+            text(&run),
+            "--method",
+            method,
+            "--protocol",
+            protocol,
+            "--seed",
+            seed,
+            "--device",
+            "cpu",
+        ];
         let quick: &[&str] = if method == "corf-gs" { &["--set", "iterations_per_keyframe=5"] } else { &[] };
         corf_ok(&[&all[..], quick].concat());
         run
@@ -24,11 +37,15 @@ fn errors_of_one_run_become_intervals_of_another_and_tell_where_to_measure() {
     let file = text(&file);
     corf_ok(&["uncertainty", "fit", text(&learnt), "--out", file, "--ensemble", text(&other), "--device", "cpu"]);
     let fitted: Value = serde_json::from_str(&fs::read_to_string(file).unwrap()).unwrap();
-    assert_eq!((fitted["method"].as_str(), fitted["keyframes"].as_u64(), fitted["ensemble"]["runs"].as_u64()), (Some("corf-gs"), Some(5), Some(2)));
+    assert_eq!(
+        (fitted["method"].as_str(), fitted["keyframes"].as_u64(), fitted["ensemble"]["runs"].as_u64()),
+        (Some("corf-gs"), Some(5), Some(2))
+    );
     assert!((0.5..1.0).contains(&fitted["coverage_left_out"].as_f64().unwrap()), "{fitted}");
 
     let figure = at("figure.svg");
-    let check = ["uncertainty", "check", text(&judged), "--calibration", file, "--device", "cpu", "--json", "--figure", text(&figure)];
+    let check =
+        ["uncertainty", "check", text(&judged), "--calibration", file, "--device", "cpu", "--json", "--figure", text(&figure)];
     let said = corf_ok(&[&check[..], &["--ensemble", text(&beside)]].concat());
     let said: Value = serde_json::from_str(&said).unwrap();
     for who in ["calibrated", "ensemble"] {
@@ -44,19 +61,44 @@ fn errors_of_one_run_become_intervals_of_another_and_tell_where_to_measure() {
     corf_ok(&["render", text(&judged), "--poses", text(&poses), "--out", text(&views), "--uncertainty", file, "--device", "cpu"]);
     let deviations = corf_scene::io::read_exr_f32(views.join("std_db/00001.exr")).unwrap();
     assert!(deviations.pixels().iter().all(|d| d.is_finite() && *d > 0.0));
-    let next = ["uncertainty", "next", text(&judged), "--calibration", file, "--poses", text(&poses), "--count", "3", "--device", "cpu", "--json"];
+    let next = [
+        "uncertainty",
+        "next",
+        text(&judged),
+        "--calibration",
+        file,
+        "--poses",
+        text(&poses),
+        "--count",
+        "3",
+        "--device",
+        "cpu",
+        "--json",
+    ];
     let worth: Value = serde_json::from_str(&corf_ok(&next)).unwrap();
     let gains: Vec<f64> = worth.as_array().unwrap().iter().map(|w| w["gain_db"].as_f64().unwrap()).collect();
     assert!(gains.len() == 3 && gains.windows(2).all(|pair| pair[0] >= pair[1]) && gains[0] > 0.0, "{worth}");
 
     // What would flatter itself, and what is of something else.
     let out = at("no.json");
-    corf_refuses(&["uncertainty", "fit", text(&judged), "--out", text(&out), "--device", "cpu"], &["protocol \"test\"", "--protocol validation"]);
-    corf_refuses(&["uncertainty", "check", text(&learnt), "--calibration", file, "--device", "cpu"], &["the very keyframes", "--protocol test"]);
+    corf_refuses(
+        &["uncertainty", "fit", text(&judged), "--out", text(&out), "--device", "cpu"],
+        &["protocol \"test\"", "--protocol validation"],
+    );
+    corf_refuses(
+        &["uncertainty", "check", text(&learnt), "--calibration", file, "--device", "cpu"],
+        &["the very keyframes", "--protocol test"],
+    );
     let few = reconstruct("few", "corf-gs", "validation", "1");
-    corf_refuses(&["uncertainty", "fit", text(&few), "--out", text(&out), "--device", "cpu"], &["1 held-out keyframes are too few"]);
+    corf_refuses(
+        &["uncertainty", "fit", text(&few), "--out", text(&out), "--device", "cpu"],
+        &["1 held-out keyframes are too few"],
+    );
     let lookup = reconstruct("lookup", "nearest", "test", "1");
-    corf_refuses(&["uncertainty", "check", text(&lookup), "--calibration", file, "--device", "cpu"], &["errors of corf-gs", "nearest"]);
+    corf_refuses(
+        &["uncertainty", "check", text(&lookup), "--calibration", file, "--device", "cpu"],
+        &["errors of corf-gs", "nearest"],
+    );
     let same = ["uncertainty", "check", text(&judged), "--calibration", file, "--ensemble", text(&judged), "--device", "cpu"];
     corf_refuses(&same, &["--ensemble", "another seed"]);
     assert!(!out.exists());

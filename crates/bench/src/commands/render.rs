@@ -181,7 +181,11 @@ impl Render {
             poses: poses_sha256,
             poses_in: Some(frame).filter(|frame| *frame != PoseFrame::World),
             light_camera: camera,
-            uncertainty: self.uncertainty.as_deref().map(|file| Ok::<_, anyhow::Error>(sha256_hex(&io::read(file)?))).transpose()?,
+            uncertainty: self
+                .uncertainty
+                .as_deref()
+                .map(|file| Ok::<_, anyhow::Error>(sha256_hex(&io::read(file)?)))
+                .transpose()?,
         };
         let source_path = self.out.join("render.json");
         if source_path.exists() {

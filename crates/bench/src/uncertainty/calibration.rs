@@ -109,7 +109,13 @@ impl Calibration {
     ///
     /// # Errors
     /// Too few keyframes; errors of which nothing follows.
-    pub fn fit(method: &str, [dataset, dataset_hash]: [&str; 2], protocol: Protocol, examples: &[Examples], runs: usize) -> Result<Self> {
+    pub fn fit(
+        method: &str,
+        [dataset, dataset_hash]: [&str; 2],
+        protocol: Protocol,
+        examples: &[Examples],
+        runs: usize,
+    ) -> Result<Self> {
         ensure!(
             examples.len() >= LEAST_KEYFRAMES,
             "{} held-out keyframes are too few: what is learnt from fewer than {LEAST_KEYFRAMES} says nothing of others\n  help: generate more \
@@ -160,7 +166,12 @@ impl Calibration {
 
     /// Judges held-out keyframes by it.
     pub fn judge<'e>(&self, examples: &'e Examples) -> Judged<'e> {
-        Judged { index: examples.index, errors_db: &examples.errors_db, deviations_db: self.deviations_db(&examples.signs), factor: self.factor_90 }
+        Judged {
+            index: examples.index,
+            errors_db: &examples.errors_db,
+            deviations_db: self.deviations_db(&examples.signs),
+            factor: self.factor_90,
+        }
     }
 
     /// The factor by which standard deviations at a pose change when its nearest training keyframe is `to_m` away instead of `from_m`; no less than the
@@ -183,7 +194,8 @@ impl Calibration {
     /// A file that is none, of another version, or of another method.
     pub fn read(path: &Path, method: &str) -> Result<Self> {
         let place = path.display();
-        let read: Self = read_numbers(path).with_context(|| format!("{place} is no calibration\n  help: `corf uncertainty fit` makes one"))?;
+        let read: Self =
+            read_numbers(path).with_context(|| format!("{place} is no calibration\n  help: `corf uncertainty fit` makes one"))?;
         ensure!(read.schema == SCHEMA, "{place}: schema {} is not {SCHEMA}", read.schema);
         let sound = read.factor_90 > 0.0 && read.weights.iter().all(|w| w.abs() < 1e3);
         ensure!(sound, "{place}: it is damaged\n  help: make it again with `corf uncertainty fit`");
@@ -294,7 +306,9 @@ mod tests {
         }
         // One width for all would hold as many errors in all and be wrong in both halves.
         let level = |e: &Examples| Examples { signs: vec![[1.0, 0.0, 0.0, 0.0, 0.0]; e.signs.len()], ..e.clone() };
-        let blind = Calibration::fit("corf-gs", ["made", "0"], Protocol::VALIDATION, &fitted.iter().map(level).collect::<Vec<_>>(), 1).unwrap();
+        let blind =
+            Calibration::fit("corf-gs", ["made", "0"], Protocol::VALIDATION, &fitted.iter().map(level).collect::<Vec<_>>(), 1)
+                .unwrap();
         let shares = halves.each_ref().map(|half| coverage(&blind, &half.iter().map(level).collect::<Vec<_>>()));
         assert!(shares[0] < 0.83 && shares[1] > 0.99, "{shares:?}");
     }

@@ -46,7 +46,8 @@ pub struct Coverage {
 impl Coverage {
     /// Over keyframes; nothing without pixels.
     pub fn of(judged: &[Judged<'_>]) -> Option<Self> {
-        let pixels = || judged.iter().flat_map(|j| j.errors_db.iter().zip(&j.deviations_db).map(move |(e, d)| (e.abs(), *d, j.factor)));
+        let pixels =
+            || judged.iter().flat_map(|j| j.errors_db.iter().zip(&j.deviations_db).map(move |(e, d)| (e.abs(), *d, j.factor)));
         let count = pixels().count();
         if count == 0 {
             return None;
@@ -77,15 +78,11 @@ impl Coverage {
 fn ranks(values: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
-    let mut ranks = vec![0.0; values.len()];
-    for group in order.chunk_by(|&a, &b| values[a] == values[b]).scan(0, |first, group| {
-        let at = *first;
-        *first += group.len();
-        Some((at, group))
-    }) {
-        let (first, group) = group;
-        let rank = first as f64 + 0.5 * (group.len() - 1) as f64;
-        group.iter().for_each(|&i| ranks[i] = rank);
+    let (mut ranks, mut first) = (vec![0.0; values.len()], 0);
+    for equal in order.chunk_by(|&a, &b| values[a] == values[b]) {
+        let rank = first as f64 + 0.5 * (equal.len() - 1) as f64;
+        equal.iter().for_each(|&i| ranks[i] = rank);
+        first += equal.len();
     }
     ranks
 }
@@ -118,6 +115,8 @@ mod tests {
     #[test]
     fn ranks_of_equal_values_are_shared() {
         assert_eq!(ranks(&[3.0, 1.0, 3.0, 2.0]), [2.5, 0.0, 2.5, 1.0]);
-        assert!((correlation(&[1.0, 2.0, 3.0], &[5.0, 6.0, 7.0]) - 1.0).abs() < 1e-12 && correlation(&[1.0, 1.0], &[1.0, 2.0]) == 0.0);
+        assert!(
+            (correlation(&[1.0, 2.0, 3.0], &[5.0, 6.0, 7.0]) - 1.0).abs() < 1e-12 && correlation(&[1.0, 1.0], &[1.0, 2.0]) == 0.0
+        );
     }
 }

@@ -38,7 +38,10 @@ pub fn weights<const N: usize>(examples: &[([f64; N], f64)]) -> Result<[f64; N]>
             }
         }
         let step = solved(hessian, gradient).map(|s| s.clamp(-LONGEST, LONGEST));
-        ensure!(step.iter().all(|s| s.is_finite()), "errors of these keyframes do not depend on what is around them in any way that can be told");
+        ensure!(
+            step.iter().all(|s| s.is_finite()),
+            "errors of these keyframes do not depend on what is around them in any way that can be told"
+        );
         weights.iter_mut().zip(&step).for_each(|(weight, step)| *weight -= step);
         if step.iter().all(|s| s.abs() < ARRIVED) {
             break;

@@ -54,7 +54,9 @@ fn chosen(calibration: &Calibration, way: &[Rigid3], now: &[(f64, f64)], count: 
             state.iter().enumerate().map(fall).sum::<f64>() / way.len() as f64
         };
         let free = (0..way.len()).filter(|i| out.iter().all(|w| w.pose != *i));
-        let Some((pose, gain_db)) = free.map(|c| (c, gain(c))).reduce(|best, c| if c.1 > best.1 { c } else { best }) else { break };
+        let Some((pose, gain_db)) = free.map(|c| (c, gain(c))).reduce(|best, c| if c.1 > best.1 { c } else { best }) else {
+            break;
+        };
         let (deviation_db, nearest_m) = now[pose];
         out.push(Worth { pose, deviation_db, nearest_m, gain_db });
         let moved = |(p, was): (usize, &(f64, f64))| after(*was, distance_m(&way[pose], &way[p], 1.0));

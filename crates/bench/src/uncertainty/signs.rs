@@ -134,7 +134,8 @@ impl Surroundings {
         // Where no neighbour looks, the prediction is taken to be as far from them as elsewhere in the image, in the mean.
         let (sum, count) = seen.iter().filter(|s| s[1].is_finite()).fold((0.0, 0), |(sum, n), s| (sum + s[1], n + 1));
         let elsewhere = if count > 0 { sum / f64::from(count) } else { everywhere };
-        let apart = Raster::from_vec(width, height, seen.iter().map(|s| if s[1].is_finite() { s[1] } else { elsewhere }).collect());
+        let apart =
+            Raster::from_vec(width, height, seen.iter().map(|s| if s[1].is_finite() { s[1] } else { elsewhere }).collect());
         let apart = smoothed(&apart, self.reach_px);
         let log = |square: f64| 0.5 * (square.max(0.0) + SOFTENING_DB2).ln();
         let distance = (near[0].0 + SOFTENING_M).ln();
@@ -216,7 +217,8 @@ mod tests {
     fn errors_of_the_keyframes_around_are_found_in_their_direction_of_the_world() {
         let camera = Pinhole::from_horizontal_fov(48, 32, 90.0);
         let range = DbRange { min_db: -110.0, max_db: -40.0 };
-        let looking = |x: f64, towards: DVec3| Rigid3::looking_at(DVec3::new(x, 0.0, 1.5), DVec3::new(x, 0.0, 1.5) + towards, DVec3::Z);
+        let looking =
+            |x: f64, towards: DVec3| Rigid3::looking_at(DVec3::new(x, 0.0, 1.5), DVec3::new(x, 0.0, 1.5) + towards, DVec3::Z);
         let mut around = Surroundings::new(camera, range);
         let silent = Raster::filled(48, 32, 0.0);
         // It looks along x and is wrong by 7 dB in its left half, which looks to +y.

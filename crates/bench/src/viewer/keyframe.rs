@@ -19,7 +19,8 @@ const IMAGE_COLUMNS: usize = 640;
 /// Most columns of a spectrum.
 const SPECTRUM_COLUMNS: usize = 320;
 /// The metrics that are shown, by key.
-const SHOWN: &[&str] = &["psnr_opt", "ssim_opt", "psnr_rf_scalar", "rmse_db_30", "codebook_loss_db", "peak_error_deg", "psnr_rf_jet"];
+const SHOWN: &[&str] =
+    &["psnr_opt", "ssim_opt", "psnr_rf_scalar", "rmse_db_30", "codebook_loss_db", "peak_error_deg", "psnr_rf_jet"];
 
 /// Why a reconstruction at work has no predictions at its keyframes.
 const WHILE_AT_WORK: &str = "What is predicted here, and how wrong it is, corf view shows once the reconstruction has ended: it would take time from it now.";

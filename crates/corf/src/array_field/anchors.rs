@@ -76,7 +76,10 @@ mod tests {
         assert!((Between::Powers.mean::<f64>(halfway()) - (1.0 - 2.0_f64.ln())).abs() < 1e-4);
         for between in [Between::Logs, Between::Powers] {
             assert_eq!(between.mean::<f64>(std::iter::empty()), 0.0);
-            assert!((between.mean::<f32>([(0.3, -7.0), (0.7, -7.0)].into_iter()) + 7.0).abs() < 1e-6, "where all agree nothing is to choose");
+            assert!(
+                (between.mean::<f32>([(0.3, -7.0), (0.7, -7.0)].into_iter()) + 7.0).abs() < 1e-6,
+                "where all agree nothing is to choose"
+            );
         }
         // A file of before has no such key, and is read as it was meant.
         let anchors = Anchors { positions_m: vec![DVec3::X], width_m: 0.5, between: Between::Logs };
