@@ -293,6 +293,7 @@ impl Check {
         for (flag, out) in [("--out", &self.out), ("--figure", &self.figure)] {
             self.of.keep_apart(flag, out.as_deref(), &field.run)?;
         }
+        field.run.split.check_held_out()?;
         let held_out = &field.run.split.held_out;
         let shown = self.figure_keyframe.unwrap_or(held_out[held_out.len() / 2]);
         ensure!(

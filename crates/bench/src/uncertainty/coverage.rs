@@ -78,15 +78,11 @@ impl Coverage {
 fn ranks(values: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
-    let mut ranks = vec![0.0; values.len()];
-    for group in order.chunk_by(|&a, &b| values[a] == values[b]).scan(0, |first, group| {
-        let at = *first;
-        *first += group.len();
-        Some((at, group))
-    }) {
-        let (first, group) = group;
-        let rank = first as f64 + 0.5 * (group.len() - 1) as f64;
-        group.iter().for_each(|&i| ranks[i] = rank);
+    let (mut ranks, mut first) = (vec![0.0; values.len()], 0);
+    for equal in order.chunk_by(|&a, &b| values[a] == values[b]) {
+        let rank = first as f64 + 0.5 * (equal.len() - 1) as f64;
+        equal.iter().for_each(|&i| ranks[i] = rank);
+        first += equal.len();
     }
     ranks
 }
