@@ -11,7 +11,9 @@ mod reference;
 
 use corf::device::{DenseStep, Planes, Step, TrainingView, ViewId};
 use corf::{Antialias, Gaussians, RadioTarget};
-use corf_baselines::wrf_gs_plus::{CpuTrainer, Deformation, DeformedStep, Model, Offsets, Shape, Trainer, WrfGsPlusConfig};
+use corf_baselines::wrf_gs_plus::{
+    Deformation, DeformedStep, Offsets, Shape, WrfGsPlusConfig, WrfGsPlusCpuTrainer, WrfGsPlusModel, WrfGsPlusTrainer,
+};
 use corf_scene::{Pinhole, Rigid3, Rng};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -86,8 +88,8 @@ fn scenario(seed: u64, radio_target: RadioTarget, move_positions: bool) -> Scena
     let dense = DenseStep { step, number: 1, position_rate_m: 1e-4, degree: 0, screen_gradients: true };
     let step = DeformedStep { dense, receiver_m: pose.translation.as_vec3().to_array(), network_rate: 1e-3 };
     // Heads a fifth of what they are drawn as: a step in which Gaussians lie about as they did.
-    let mut parameters: Vec<f32> = Model::new(&config).network.initial(seed);
-    let model = Model::new(&config);
+    let mut parameters: Vec<f32> = WrfGsPlusModel::new(&config).network.initial(seed);
+    let model = WrfGsPlusModel::new(&config);
     for head in model.heads() {
         let corf_baselines::mlp::LayerInput::Layer(l) = head else { unreachable!() };
         let layer = &model.network.layers()[l];
@@ -184,7 +186,7 @@ impl Scenario {
         (of_network, CLASSES.iter().map(|(_, range)| of_class(range)).collect())
     }
 
-    fn check(&self, name: &str, trainer: &mut dyn Trainer, truth: &(Vec<f64>, Vec<Vec<f64>>)) {
+    fn check(&self, name: &str, trainer: &mut dyn WrfGsPlusTrainer, truth: &(Vec<f64>, Vec<Vec<f64>>)) {
         trainer.device().append(&self.gaussians).unwrap();
         trainer.device().upload(&self.view, 1).unwrap();
         let report = trainer.train(std::slice::from_ref(&self.step)).unwrap();
@@ -215,12 +217,12 @@ fn the_gradient_of_the_whole_loss_is_that_of_finite_differences() {
     for (seed, radio_target, move_positions) in [(1, RadioTarget::Jet, false), (2, RadioTarget::Db, true)] {
         let scenario = scenario(seed, radio_target, move_positions);
         let truth = scenario.truth();
-        let mut cpu = CpuTrainer::new(&scenario.config, scenario.parameters.clone()).unwrap();
+        let mut cpu = WrfGsPlusCpuTrainer::new(&scenario.config, scenario.parameters.clone()).unwrap();
         scenario.check("cpu", &mut cpu, &truth);
         #[cfg(feature = "gpu")]
         {
             if corf_gpu::adapter_name(&corf_gpu::testing::OPTIONS).is_some() {
-                let mut gpu = corf_baselines::wrf_gs_plus::GpuTrainer::new(
+                let mut gpu = corf_baselines::wrf_gs_plus::WrfGsPlusGpuTrainer::new(
                     &corf_gpu::testing::OPTIONS,
                     &scenario.config,
                     &scenario.parameters,

@@ -4,8 +4,8 @@
 //! do not depend on the number of threads.
 
 use super::rendering::{RayOutputs, Sum};
-use super::trainer::{Trainer, check_rays};
-use super::{Batch, Model, Nerf2Config, PixelRay};
+use super::trainer::{Nerf2Trainer, check_rays};
+use super::{Batch, Nerf2Config, Nerf2Model, PixelRay};
 use crate::mlp::{Adam, Tape, Trained};
 use corf::numeric::Real;
 use corf::{Error, Result};
@@ -15,8 +15,8 @@ use rayon::prelude::*;
 const POINTS_A_BLOCK: usize = 1024;
 
 /// Trains and evaluates with all threads of the processor, in `f32`; or in `f64`, for its gradients to be tested.
-pub struct CpuTrainer<T = f32> {
-    model: Model,
+pub struct Nerf2CpuTrainer<T = f32> {
+    model: Nerf2Model,
     config: Nerf2Config,
     transmitter: [T; 3],
     adam: Adam,
@@ -31,14 +31,14 @@ struct Block<T> {
     distances: Vec<T>,
 }
 
-impl<T: Real> CpuTrainer<T> {
+impl<T: Real> Nerf2CpuTrainer<T> {
     /// A network with these parameters; `transmitter_m` is in the world frame.
     ///
     /// # Errors
     /// A configuration out of range, or parameters of another network.
     pub fn new(config: &Nerf2Config, transmitter_m: [f32; 3], parameters: Vec<T>) -> Result<Self> {
         config.validate()?;
-        let model = Model::new(config);
+        let model = Nerf2Model::new(config);
         if parameters.len() != model.network.parameters() {
             let what = format!("{} parameters where the network has {}", parameters.len(), model.network.parameters());
             return Err(Error::invalid("network", what, "take those of a network of the same shape"));
@@ -145,7 +145,7 @@ impl<T: Real> CpuTrainer<T> {
     }
 }
 
-impl Trainer for CpuTrainer {
+impl Nerf2Trainer for Nerf2CpuTrainer {
     fn step(&mut self, batch: &Batch, rate: f64) -> Result<()> {
         let (loss, gradient) = self.gradient(batch)?;
         self.loss = f64::from(loss);

@@ -3,8 +3,8 @@
 //! Rays are taken in chunks, so that the activations of a chunk's points, which the backward pass needs, have a bounded size; a step is one
 //! submission of all its chunks. The next one is prepared while it runs.
 
-use super::trainer::{Trainer, check_rays};
-use super::{Batch, Model, Nerf2Config, PixelRay};
+use super::trainer::{Nerf2Trainer, check_rays};
+use super::{Batch, Nerf2Config, Nerf2Model, PixelRay};
 use crate::mlp::gpu::{ENCODING, GpuNetwork, LANES, most_rows, vectors};
 use crate::mlp::{Adam, Trained};
 use corf::{Error, Result};
@@ -18,7 +18,7 @@ const MOST_MEMORY: usize = 2 << 30;
 const RAY: usize = 12;
 
 /// Trains and evaluates on a GPU, in f32. The same seed gives the same bytes on the same adapter and driver.
-pub struct GpuTrainer {
+pub struct Nerf2GpuTrainer {
     config: Nerf2Config,
     transmitter_m: [f32; 3],
     network: GpuNetwork,
@@ -51,7 +51,7 @@ record! {
     }
 }
 
-impl GpuTrainer {
+impl Nerf2GpuTrainer {
     /// A network with these parameters; `transmitter_m` is in the world frame.
     ///
     /// # Errors
@@ -59,7 +59,7 @@ impl GpuTrainer {
     pub fn new(options: &AdapterOptions, config: &Nerf2Config, transmitter_m: [f32; 3], parameters: &[f32]) -> Result<Self> {
         config.validate()?;
         let context = Context::open(options)?;
-        let model = Model::new(config);
+        let model = Nerf2Model::new(config);
         let (inputs, layers) = (model.network.inputs().iter().copied(), model.network.layers().iter().map(|l| l.outputs));
         // Inputs once, layers with their gradients.
         let bytes: usize = inputs.chain(layers.clone()).chain(layers).map(|width| 4 * LANES * vectors(width)).sum();
@@ -75,7 +75,7 @@ impl GpuTrainer {
         parameters: &[f32],
         points: usize,
     ) -> Result<Self> {
-        let model = Model::new(config);
+        let model = Nerf2Model::new(config);
         Trained::new(parameters.to_vec()).check(model.network.parameters())?;
         let rays_a_chunk = (points / config.samples).clamp(1, config.rays);
         let chunks = config.rays.div_ceil(rays_a_chunk);
@@ -182,7 +182,7 @@ impl GpuTrainer {
     }
 }
 
-impl Trainer for GpuTrainer {
+impl Nerf2Trainer for Nerf2GpuTrainer {
     fn step(&mut self, batch: &Batch, rate: f64) -> Result<()> {
         let count = batch.rays.len();
         check_rays(count, batch.distances.len(), self.config.samples)?;
@@ -242,7 +242,7 @@ impl Trainer for GpuTrainer {
 
     fn restore(&mut self, state: &Trained<f32>) -> Result<()> {
         self.wait()?;
-        let parameters = Model::new(&self.config).network.parameters();
+        let parameters = Nerf2Model::new(&self.config).network.parameters();
         state.check(parameters)?;
         self.network.restore(&self.context, state)
     }

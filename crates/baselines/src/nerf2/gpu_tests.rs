@@ -10,12 +10,12 @@ use corf_scene::{Pinhole, Rigid3};
 /// Points of a chunk: six rays of eight samples, so that 40 rays make seven chunks, the last of four.
 const POINTS: usize = 48;
 
-fn on_gpu(config: &Nerf2Config, parameters: &[f32], points: usize) -> Option<GpuTrainer> {
-    Some(GpuTrainer::in_chunks(context(&OPTIONS)?, config, TRANSMITTER_M, parameters, points).unwrap())
+fn on_gpu(config: &Nerf2Config, parameters: &[f32], points: usize) -> Option<Nerf2GpuTrainer> {
+    Some(Nerf2GpuTrainer::in_chunks(context(&OPTIONS)?, config, TRANSMITTER_M, parameters, points).unwrap())
 }
 
 fn parameters(config: &Nerf2Config) -> Vec<f32> {
-    Model::new(config).network.initial::<f32>(4).iter().map(|v| 2.0 * v).collect()
+    Nerf2Model::new(config).network.initial::<f32>(4).iter().map(|v| 2.0 * v).collect()
 }
 
 #[test]
@@ -28,7 +28,7 @@ fn loss_and_gradient_are_those_of_the_processor() {
         let Some(mut gpu) = on_gpu(&config, &parameters, POINTS) else { return };
         let batch = rays(1).batch(&config, 0);
         let wide: Vec<f64> = parameters.iter().map(|v| f64::from(*v)).collect();
-        let (loss, gradient) = CpuTrainer::new(&config, TRANSMITTER_M, wide).unwrap().gradient(&batch).unwrap();
+        let (loss, gradient) = Nerf2CpuTrainer::new(&config, TRANSMITTER_M, wide).unwrap().gradient(&batch).unwrap();
         gpu.step(&batch, 1e-3).unwrap();
         let found = gpu.gradient().unwrap();
         let difference = (gpu.loss().unwrap() / loss - 1.0).abs();
@@ -42,7 +42,7 @@ fn loss_and_gradient_are_those_of_the_processor() {
     }
 }
 
-fn train(trainer: &mut dyn Trainer, config: &Nerf2Config, steps: std::ops::Range<u64>) {
+fn train(trainer: &mut dyn Nerf2Trainer, config: &Nerf2Config, steps: std::ops::Range<u64>) {
     let rays = rays(3);
     for step in steps {
         trainer.step(&rays.batch(config, step), config.schedule().at(step)).unwrap();
@@ -53,11 +53,11 @@ fn train(trainer: &mut dyn Trainer, config: &Nerf2Config, steps: std::ops::Range
 #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn training_ends_where_the_processors_does_and_goes_on_from_its_state() {
     let config = Nerf2Config { iterations: 30, ..tiny() }.corrected();
-    let parameters = Model::new(&config).network.initial(2);
+    let parameters = Nerf2Model::new(&config).network.initial(2);
     // All rays at once: an adapter in software takes its time over every dispatch.
     let points = config.rays * config.samples;
     let Some(mut gpu) = on_gpu(&config, &parameters, points) else { return };
-    let mut cpu = CpuTrainer::new(&config, TRANSMITTER_M, parameters.clone()).unwrap();
+    let mut cpu = Nerf2CpuTrainer::new(&config, TRANSMITTER_M, parameters.clone()).unwrap();
     train(&mut cpu, &config, 0..30);
     train(&mut gpu, &config, 0..15);
     let state = gpu.state().unwrap();
@@ -77,7 +77,7 @@ fn spectra_are_those_of_the_processor() {
     let config = tiny();
     let parameters = parameters(&config);
     let Some(mut gpu) = on_gpu(&config, &parameters, POINTS) else { return };
-    let mut cpu = CpuTrainer::new(&config, TRANSMITTER_M, parameters.clone()).unwrap();
+    let mut cpu = Nerf2CpuTrainer::new(&config, TRANSMITTER_M, parameters.clone()).unwrap();
     let field = TrainedNerf2 { config, transmitter_m: TRANSMITTER_M, parameters };
     // More rays than a step has, no multiple of a chunk's.
     let camera = super::Sight::from(Pinhole::from_horizontal_fov(13, 7, 90.0));

@@ -7,7 +7,7 @@ use corf::numeric::Real;
 /// The network: from an encoded position, 8 layers of 256 with a skip to how a point attenuates (2 numbers) and to 256 features; from these,
 /// the encoded direction and transmitter, layers of 256 and 128 to what the point sends (2 numbers).
 #[derive(Clone, Debug)]
-pub struct Model {
+pub struct Nerf2Model {
     /// All layers.
     pub network: Network,
     /// Head of the attenuation: amplitude and phase per metre, before their activations.
@@ -18,7 +18,7 @@ pub struct Model {
     pub encoding: FrequencyEncoding,
 }
 
-impl Model {
+impl Nerf2Model {
     /// The network of a configuration.
     pub fn new(config: &Nerf2Config) -> Self {
         let encoding = FrequencyEncoding { frequencies: config.frequencies };
@@ -49,7 +49,7 @@ mod tests {
 
     #[test]
     fn the_published_network_has_690_564_parameters() {
-        let model = Model::new(&Nerf2Config::default());
+        let model = Nerf2Model::new(&Nerf2Config::default());
         assert_eq!(model.network.parameters(), 690_564);
         assert_eq!(model.encoding.width(), 63);
         let widths: Vec<usize> = model.network.layers().iter().map(|l| l.inputs).collect();

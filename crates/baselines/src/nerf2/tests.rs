@@ -41,10 +41,10 @@ pub(super) fn rays(seed: u64) -> TrainingRays {
 fn the_gradient_of_the_whole_chain_is_that_of_finite_differences() {
     for config in [tiny(), Nerf2Config { skip: 3, ..tiny() }.corrected()] {
         let batch = rays(1).batch(&config, 0);
-        let network = Model::new(&config).network;
+        let network = Nerf2Model::new(&config).network;
         // Amplitudes are of the size of the targets, so that errors have both signs and their gradients are felt.
         let parameters: Vec<f64> = network.initial(4).iter().map(|v: &f64| 2.0 * v).collect();
-        let trainer = |p: &[f64]| CpuTrainer::new(&config, TRANSMITTER_M, p.to_vec()).unwrap();
+        let trainer = |p: &[f64]| Nerf2CpuTrainer::new(&config, TRANSMITTER_M, p.to_vec()).unwrap();
         let (loss, gradient) = trainer(&parameters).gradient(&batch).unwrap();
         assert!(loss > 0.0 && gradient.iter().filter(|g| **g != 0.0).count() > gradient.len() / 2);
         let largest = gradient.iter().fold(0.0, |m: f64, g| m.max(g.abs()));
@@ -63,14 +63,14 @@ fn the_gradient_of_the_whole_chain_is_that_of_finite_differences() {
 }
 
 /// A trainer after some steps.
-fn trained(config: &Nerf2Config, steps: u64) -> CpuTrainer {
-    let parameters = Model::new(config).network.initial(2);
-    let mut trainer = CpuTrainer::new(config, TRANSMITTER_M, parameters).unwrap();
+fn trained(config: &Nerf2Config, steps: u64) -> Nerf2CpuTrainer {
+    let parameters = Nerf2Model::new(config).network.initial(2);
+    let mut trainer = Nerf2CpuTrainer::new(config, TRANSMITTER_M, parameters).unwrap();
     go_on(&mut trainer, config, 0..steps);
     trainer
 }
 
-fn go_on(trainer: &mut dyn Trainer, config: &Nerf2Config, steps: std::ops::Range<u64>) {
+fn go_on(trainer: &mut dyn Nerf2Trainer, config: &Nerf2Config, steps: std::ops::Range<u64>) {
     let rays = rays(3);
     for step in steps {
         trainer.step(&rays.batch(config, step), config.schedule().at(step)).unwrap();
@@ -125,7 +125,7 @@ fn a_field_on_disk_predicts_the_same() {
     field.write(&path).unwrap();
     let read = TrainedNerf2::read(&path).unwrap();
     assert_eq!(read, field);
-    let mut again = CpuTrainer::new(&read.config, read.transmitter_m, read.parameters.clone()).unwrap();
+    let mut again = Nerf2CpuTrainer::new(&read.config, read.transmitter_m, read.parameters.clone()).unwrap();
     let camera = Pinhole::from_horizontal_fov(50, 20, 90.0);
     let pose = Rigid3 { translation: [0.3, 0.0, 1.0].into(), ..Rigid3::IDENTITY };
     let image = field.render(&mut trainer, &camera.into(), &pose).unwrap();

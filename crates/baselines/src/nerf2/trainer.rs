@@ -1,7 +1,7 @@
 //! Interface of what trains a field and predicts spectra, on either device; and the field on disk.
 
 use super::rays::{distances, view_rays};
-use super::{Batch, Model, Nerf2Config, PixelRay, Sight};
+use super::{Batch, Nerf2Config, Nerf2Model, PixelRay, Sight};
 use crate::mlp::Trained;
 use corf::files::tensors::{self, Kind, Tensor, Tensors};
 use corf::{Error, Result};
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Trains and evaluates one field.
-pub trait Trainer {
+pub trait Nerf2Trainer {
     /// Takes a step: mean squared error of the rays' amplitudes, Adam with this rate. May return before the step is done.
     ///
     /// # Errors
@@ -80,7 +80,7 @@ impl TrainedNerf2 {
     ///
     /// # Errors
     /// The trainer's.
-    pub fn render(&self, trainer: &mut dyn Trainer, sight: &Sight, view: &Rigid3) -> Result<Raster<f32>> {
+    pub fn render(&self, trainer: &mut dyn Nerf2Trainer, sight: &Sight, view: &Rigid3) -> Result<Raster<f32>> {
         let rays = view_rays(sight, view);
         let distances = distances(&self.config, rays.len(), || 0.5);
         let (width, height) = sight.size();
@@ -104,7 +104,7 @@ impl TrainedNerf2 {
     pub fn read(path: &Path) -> Result<Self> {
         let (file, Header { config, transmitter_m }) = Tensors::read_kind(path, &FIELD)?;
         config.validate()?;
-        let parameters = file.values(NETWORK[0], &[Model::new(&config).network.parameters()])?;
+        let parameters = file.values(NETWORK[0], &[Nerf2Model::new(&config).network.parameters()])?;
         Ok(Self { config, transmitter_m, parameters })
     }
 
@@ -127,7 +127,7 @@ impl TrainedNerf2 {
     pub fn read_state(path: &Path) -> Result<(String, Trained<f32>)> {
         let (file, header) = Tensors::read_kind::<StateHeader>(path, &STATE)?;
         header.config.validate()?;
-        let count = Model::new(&header.config).network.parameters();
+        let count = Nerf2Model::new(&header.config).network.parameters();
         let [parameters, first, second] = NETWORK.map(|name| file.values(name, &[count]));
         Ok((header.tag, Trained { parameters: parameters?, moments: [first?, second?], steps: header.steps }))
     }

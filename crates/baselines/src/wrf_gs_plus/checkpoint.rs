@@ -4,7 +4,7 @@
 //! two moments; sums of the gradients on the screen, and the numbers of steps in them.
 
 use super::field::{HELP, gaussians, tensors};
-use super::{Model, WrfGsPlusConfig, WrfGsPlusReconstructor};
+use super::{WrfGsPlusConfig, WrfGsPlusModel, WrfGsPlusReconstructor};
 use crate::mlp::Trained;
 use crate::rf_3dgs::DensityCounts;
 use corf::device::{DeviceState, ScreenGradient};
@@ -81,7 +81,7 @@ impl WrfGsPlusCheckpoint {
         let n = header.gaussians;
         let [held, first, second] = PARTS.map(|of| gaussians(&header.config, &file, of, n));
         let (held, moments) = (held?, [first?, second?]);
-        let parameters = Model::new(&header.config).network.parameters();
+        let parameters = WrfGsPlusModel::new(&header.config).network.parameters();
         let [own, first, second] = NETWORK.map(|name| file.values(name, &[parameters]));
         let network = Trained { parameters: own?, moments: [first?, second?], steps: header.steps as u64 };
         let sums = file.values("screen.norm_sum", &[n])?.into_iter().zip(file.words("screen.steps", &[n])?);

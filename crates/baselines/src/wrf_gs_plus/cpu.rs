@@ -1,15 +1,15 @@
 //! WRF-GS+ on the processor.
 
 use super::rule::Shape;
-use super::trainer::{DeformedStep, NETWORK_ADAM, Trainer};
-use super::{Deformation, Model, WrfGsPlusConfig};
+use super::trainer::{DeformedStep, NETWORK_ADAM, WrfGsPlusTrainer};
+use super::{Deformation, WrfGsPlusConfig, WrfGsPlusModel};
 use crate::mlp::Trained;
 use corf::device::cpu::deformed::Rows;
 use corf::device::{Device, Planes, RenderRequest, StepReport, View};
 use corf::{CpuDevice, Error, Result};
 
 /// Trains and renders with all threads of the processor.
-pub struct CpuTrainer {
+pub struct WrfGsPlusCpuTrainer {
     device: CpuDevice,
     deformation: Deformation<f32>,
     channels: usize,
@@ -35,14 +35,14 @@ pub(super) fn put<'a>(rows: &mut Rows, channels: usize, shapes: impl Iterator<It
     }
 }
 
-impl CpuTrainer {
+impl WrfGsPlusCpuTrainer {
     /// No Gaussians yet, and a network with these parameters.
     ///
     /// # Errors
     /// A configuration out of range, or parameters of another network.
     pub fn new(config: &WrfGsPlusConfig, parameters: Vec<f32>) -> Result<Self> {
         config.validate()?;
-        Trained::new(parameters.clone()).check(Model::new(config).network.parameters())?;
+        Trained::new(parameters.clone()).check(WrfGsPlusModel::new(config).network.parameters())?;
         let device = CpuDevice::new(config.optimizer(), config.raster(), &config.empty_field())?;
         Ok(Self { device, deformation: Deformation::new(config, parameters), channels: config.radio_target.channels() })
     }
@@ -70,7 +70,7 @@ impl CpuTrainer {
     }
 }
 
-impl Trainer for CpuTrainer {
+impl WrfGsPlusTrainer for WrfGsPlusCpuTrainer {
     fn device(&mut self) -> &mut dyn Device {
         &mut self.device
     }

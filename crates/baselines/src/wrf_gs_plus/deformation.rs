@@ -4,7 +4,7 @@
 //! bytes do not depend on the number of threads.
 
 use super::rule::{Offsets, Rule, Shape};
-use super::{Model, WrfGsPlusConfig};
+use super::{WrfGsPlusConfig, WrfGsPlusModel};
 use crate::mlp::{Tape, Trained};
 use corf::numeric::Real;
 use rayon::prelude::*;
@@ -16,7 +16,7 @@ const BLOCK: usize = 512;
 #[derive(Clone, Debug)]
 pub struct Deformation<T> {
     /// The network.
-    pub model: Model,
+    pub model: WrfGsPlusModel,
     /// What its predictions do.
     pub rule: Rule,
     /// Its parameters.
@@ -40,7 +40,7 @@ impl<T: Real> Deformation<T> {
     /// # Panics
     /// Another number of parameters than the network's.
     pub fn new(config: &WrfGsPlusConfig, parameters: Vec<T>) -> Self {
-        let model = Model::new(config);
+        let model = WrfGsPlusModel::new(config);
         assert_eq!(parameters.len(), model.network.parameters(), "parameters of this network");
         Self {
             model,

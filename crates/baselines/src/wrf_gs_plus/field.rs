@@ -1,6 +1,6 @@
 //! A finished field: Gaussians, the network that deforms them, and how to look at them; on disk one file.
 
-use super::{Model, Trainer, WrfGsPlusConfig};
+use super::{WrfGsPlusConfig, WrfGsPlusModel, WrfGsPlusTrainer};
 use crate::mlp::Trained;
 use corf::device::{Planes, View};
 use corf::files::tensors::{self, Kind, Tensor, Tensors};
@@ -73,7 +73,7 @@ impl WrfGsPlusField {
     ///
     /// # Errors
     /// The trainer's.
-    pub fn load(&self, trainer: &mut dyn Trainer) -> Result<()> {
+    pub fn load(&self, trainer: &mut dyn WrfGsPlusTrainer) -> Result<()> {
         trainer.restore_network(&Trained::new(self.parameters.clone()))?;
         trainer.device().append(&self.gaussians)
     }
@@ -82,7 +82,7 @@ impl WrfGsPlusField {
     ///
     /// # Errors
     /// The trainer's.
-    pub fn render(&self, trainer: &mut dyn Trainer, world_from_camera: &Rigid3) -> Result<Planes> {
+    pub fn render(&self, trainer: &mut dyn WrfGsPlusTrainer, world_from_camera: &Rigid3) -> Result<Planes> {
         render(&self.meta, trainer, world_from_camera)
     }
 
@@ -106,13 +106,13 @@ impl WrfGsPlusField {
         header.config.validate()?;
         header.meta.validate()?;
         let gaussians = gaussians(&header.config, &file, "gaussians", header.gaussians)?;
-        let parameters = file.values("network.parameters", &[Model::new(&header.config).network.parameters()])?;
+        let parameters = file.values("network.parameters", &[WrfGsPlusModel::new(&header.config).network.parameters()])?;
         Ok(Self { config: header.config, meta: header.meta, array: header.array, gaussians, parameters })
     }
 }
 
 /// Renders a pose by a trainer.
-pub(super) fn render(meta: &FieldMeta, trainer: &mut dyn Trainer, world_from_camera: &Rigid3) -> Result<Planes> {
+pub(super) fn render(meta: &FieldMeta, trainer: &mut dyn WrfGsPlusTrainer, world_from_camera: &Rigid3) -> Result<Planes> {
     let background = meta.radio_background.unwrap_or(meta.radio_target.floor_color());
     let view = View { camera: meta.radio_camera, world_from_camera: *world_from_camera };
     trainer.render(&view, background)

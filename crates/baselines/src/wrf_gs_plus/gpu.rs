@@ -3,8 +3,8 @@
 //! Where there are more Gaussians than the activations of which are held at once, they go through the network in chunks, and their forward pass is
 //! taken again before their backward pass.
 
-use super::trainer::{DeformedStep, NETWORK_ADAM, Trainer};
-use super::{Model, WrfGsPlusConfig};
+use super::trainer::{DeformedStep, NETWORK_ADAM, WrfGsPlusTrainer};
+use super::{WrfGsPlusConfig, WrfGsPlusModel};
 use crate::mlp::Trained;
 use crate::mlp::gpu::{ENCODING, GpuNetwork, vectors};
 use corf::device::gpu::deformed::{ADAM, Buffers, DeformationPass, SLOTS};
@@ -17,7 +17,7 @@ use corf_gpu::{AdapterOptions, Bound, Context, GROUP_NUMBER, Kernel, SIN_COS, UN
 const MOST_ROWS: usize = 1 << 18;
 
 /// Trains and renders on a GPU, in f32. The same seed gives the same bytes on the same adapter and driver.
-pub struct GpuTrainer {
+pub struct WrfGsPlusGpuTrainer {
     deforming: Deforming,
     /// Last, for what is made of it to be dropped before.
     device: GpuDevice,
@@ -27,7 +27,7 @@ pub struct GpuTrainer {
 struct Deforming {
     config: WrfGsPlusConfig,
     optimizer: OptimizerConfig,
-    model: Model,
+    model: WrfGsPlusModel,
     network: GpuNetwork,
     encode: Kernel,
     deform: Kernel,
@@ -80,7 +80,7 @@ record! {
     }
 }
 
-impl GpuTrainer {
+impl WrfGsPlusGpuTrainer {
     /// No Gaussians yet, and a network with these parameters.
     ///
     /// # Errors
@@ -97,7 +97,7 @@ impl GpuTrainer {
         most_rows: usize,
     ) -> Result<Self> {
         config.validate()?;
-        let model = Model::new(config);
+        let model = WrfGsPlusModel::new(config);
         Trained::new(parameters.to_vec()).check(model.network.parameters())?;
         let device = GpuDevice::new(options, config.optimizer(), config.raster(), &config.empty_field())?;
         let context = device.context();
@@ -234,7 +234,7 @@ impl DeformationPass for Deforming {
     }
 }
 
-impl Trainer for GpuTrainer {
+impl WrfGsPlusTrainer for WrfGsPlusGpuTrainer {
     fn device(&mut self) -> &mut dyn Device {
         &mut self.device
     }

@@ -21,8 +21,8 @@ const OPTIONS: GpuOptions = GpuOptions {
 };
 
 fn on_gpu(config: &WrfGsPlusConfig, options: &GpuOptions, most_rows: usize) -> WrfGsPlusReconstructor {
-    let parameters: Vec<f32> = Model::new(config).network.initial(1);
-    received(Box::new(GpuTrainer::in_chunks(options, config, &parameters, most_rows).unwrap()), config, 1)
+    let parameters: Vec<f32> = WrfGsPlusModel::new(config).network.initial(1);
+    received(Box::new(WrfGsPlusGpuTrainer::in_chunks(options, config, &parameters, most_rows).unwrap()), config, 1)
 }
 
 fn largest(a: &[f32], b: &[f32]) -> f32 {

@@ -1,8 +1,8 @@
 //! WRF-GS+ (Wen et al. 2025), the baseline of deformable Gaussians: 3D Gaussian splatting of the spectra alone, of Gaussians that a network
 //! deforms for each receiver. What varies is the receiver's position or, where the array stands still as in the paper, the transmitter's.
 //!
-//! [`Model`] is the network, [`Rule`] says what its predictions do to a Gaussian, a [`Trainer`] does the arithmetic ([`CpuTrainer`], or
-//! `GpuTrainer` with the feature `gpu`; [`ArrayTrainer`] where the array stands still), and a [`WrfGsPlusReconstructor`] decides: views, rates, density control. Gaussians are of degree 0 and live
+//! [`WrfGsPlusModel`] is the network, [`Rule`] says what its predictions do to a Gaussian, a [`WrfGsPlusTrainer`] does the arithmetic ([`WrfGsPlusCpuTrainer`], or
+//! `WrfGsPlusGpuTrainer` with the feature `gpu`; [`FixedArrayTrainer`] where the array stands still), and a [`WrfGsPlusReconstructor`] decides: views, rates, density control. Gaussians are of degree 0 and live
 //! in the RF half of a [`Device`](corf::Device); light is not used.
 
 mod checkpoint;
@@ -24,13 +24,13 @@ mod trainer;
 
 pub use checkpoint::WrfGsPlusCheckpoint;
 pub use config::{WrfGsPlusConfig, WrfGsPlusRates};
-pub use cpu::CpuTrainer;
+pub use cpu::WrfGsPlusCpuTrainer;
 pub use deformation::Deformation;
 pub use field::WrfGsPlusField;
 #[cfg(feature = "gpu")]
-pub use gpu::GpuTrainer;
-pub use model::Model;
+pub use gpu::WrfGsPlusGpuTrainer;
+pub use model::WrfGsPlusModel;
 pub use reconstructor::WrfGsPlusReconstructor;
 pub use rule::{Offsets, Rule, Shape};
-pub use sphere::ArrayTrainer;
-pub use trainer::{DeformedStep, Trainer};
+pub use sphere::FixedArrayTrainer;
+pub use trainer::{DeformedStep, WrfGsPlusTrainer};

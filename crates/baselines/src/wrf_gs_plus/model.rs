@@ -6,7 +6,7 @@ use crate::mlp::{Activation, FrequencyEncoding, LayerInput, Network};
 /// The network: the encoded receiver goes through a layer of 256 to 90 features; with these, the encoded position goes through 8 layers of 256
 /// with a skip to four heads.
 #[derive(Clone, Debug)]
-pub struct Model {
+pub struct WrfGsPlusModel {
     /// All layers. Inputs are the encoded position (0) and the encoded receiver (1).
     pub network: Network,
     /// Head of the displacement, metres; 3.
@@ -23,7 +23,7 @@ pub struct Model {
     pub of_receiver: FrequencyEncoding,
 }
 
-impl Model {
+impl WrfGsPlusModel {
     /// The network of a configuration.
     pub fn new(config: &WrfGsPlusConfig) -> Self {
         let of_position = FrequencyEncoding { frequencies: config.position_frequencies };
@@ -49,7 +49,7 @@ mod tests {
 
     #[test]
     fn the_published_network_has_its_layers() {
-        let model = Model::new(&WrfGsPlusConfig::default());
+        let model = WrfGsPlusModel::new(&WrfGsPlusConfig::default());
         let widths: Vec<[usize; 2]> = model.network.layers().iter().map(|l| [l.inputs, l.outputs]).collect();
         let trunk = [[153, 256], [256, 256], [256, 256], [256, 256], [256, 256], [409, 256], [256, 256], [256, 256]];
         let heads = [[256, 3], [256, 3], [256, 4], [256, 3]];

@@ -4,7 +4,7 @@
 //! on from a checkpoint ends in the same bytes.
 
 use super::field::{self, WrfGsPlusField};
-use super::{DeformedStep, Trainer, WrfGsPlusConfig};
+use super::{DeformedStep, WrfGsPlusConfig, WrfGsPlusTrainer};
 use crate::rf_3dgs::{DensityCounts, Epochs, control_density, log_linear, points};
 use corf::device::{DenseStep, Modality, Planes, Step, StepReport, TrainingView};
 use corf::{Error, FieldMeta, RadioTarget, Result};
@@ -18,7 +18,7 @@ const STAGE: usize = 2;
 /// A reconstruction. Keyframes are [received](Self::receive) first, then it [begins](Self::begin) or is [restored](Self::restore), and
 /// [trains](Self::train) until it is [done](Self::is_done).
 pub struct WrfGsPlusReconstructor {
-    pub(super) trainer: Box<dyn Trainer>,
+    pub(super) trainer: Box<dyn WrfGsPlusTrainer>,
     pub(super) config: WrfGsPlusConfig,
     pub(super) meta: FieldMeta,
     /// The array, if it stands still while the transmitter moves.
@@ -37,7 +37,7 @@ impl WrfGsPlusReconstructor {
     /// # Errors
     /// A configuration out of range, cameras without pixels, an empty dB range, or a trainer that holds Gaussians.
     pub fn new(
-        mut trainer: Box<dyn Trainer>,
+        mut trainer: Box<dyn WrfGsPlusTrainer>,
         config: WrfGsPlusConfig,
         light_camera: Pinhole,
         radio_camera: Pinhole,
@@ -65,12 +65,12 @@ impl WrfGsPlusReconstructor {
     }
 
     /// The same of an array that stands still: keyframes are places of the transmitter, spectra are grey levels over the array's directions, and
-    /// `trainer` is an [`ArrayTrainer`](super::ArrayTrainer) of the same array.
+    /// `trainer` is an [`FixedArrayTrainer`](super::ArrayTrainer) of the same array.
     ///
     /// # Errors
     /// Those of [`Self::new`].
     pub fn of_array(
-        trainer: Box<dyn Trainer>,
+        trainer: Box<dyn WrfGsPlusTrainer>,
         config: WrfGsPlusConfig,
         array: FixedArray,
         levels: DbRange,
@@ -226,7 +226,7 @@ impl WrfGsPlusReconstructor {
     }
 
     /// The trainer, which holds the field.
-    pub fn into_trainer(self) -> Box<dyn Trainer> {
+    pub fn into_trainer(self) -> Box<dyn WrfGsPlusTrainer> {
         self.trainer
     }
 }

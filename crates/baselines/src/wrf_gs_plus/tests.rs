@@ -38,7 +38,7 @@ pub(super) fn keyframe(i: usize) -> Keyframe {
     synthetic::keyframe(i, synthetic::pose(1.5 * i as f64), &camera(4, 3), &camera(48, 36), false)
 }
 
-pub(super) fn received(trainer: Box<dyn Trainer>, config: &WrfGsPlusConfig, seed: u64) -> WrfGsPlusReconstructor {
+pub(super) fn received(trainer: Box<dyn WrfGsPlusTrainer>, config: &WrfGsPlusConfig, seed: u64) -> WrfGsPlusReconstructor {
     let first = keyframe(0);
     let camera = |w, h| Pinhole::from_horizontal_fov(w, h, 80.0);
     let image = &synthetic::light(&first).image;
@@ -49,8 +49,8 @@ pub(super) fn received(trainer: Box<dyn Trainer>, config: &WrfGsPlusConfig, seed
 }
 
 pub(super) fn on_cpu(config: &WrfGsPlusConfig, seed: u64) -> WrfGsPlusReconstructor {
-    let parameters = Model::new(config).network.initial(seed);
-    received(Box::new(CpuTrainer::new(config, parameters).unwrap()), config, seed)
+    let parameters = WrfGsPlusModel::new(config).network.initial(seed);
+    received(Box::new(WrfGsPlusCpuTrainer::new(config, parameters).unwrap()), config, seed)
 }
 
 fn run(config: &WrfGsPlusConfig, seed: u64, portion: usize) -> WrfGsPlusReconstructor {
@@ -113,7 +113,7 @@ fn gradients_in_gaussians_and_network_are_those_of_finite_differences() {
     let close = |found: f64, expected: f64| (found - expected).abs() < 1e-6 * (1.0 + expected.abs());
     for (move_positions, radio_target) in [(false, RadioTarget::Jet), (true, RadioTarget::Db)] {
         let config = WrfGsPlusConfig { move_positions, radio_target, ..small() };
-        let parameters = Model::new(&config).network.initial(3);
+        let parameters = WrfGsPlusModel::new(&config).network.initial(3);
         let mut deformation = Deformation::<f64>::new(&config, parameters);
         let (base, receiver) = (random_shapes(7, radio_target.channels()), [0.4, -1.2, 1.5]);
         // Σ weight · (value − 0.2)² over all numbers of the deformed Gaussians, so that the gradient is nowhere constant.
@@ -162,7 +162,9 @@ fn gradients_in_gaussians_and_network_are_those_of_finite_differences() {
         }
         assert!(largest > 0.1);
         // As published, the displacement is predicted and nothing learns it.
-        let Model { network, position: crate::mlp::LayerInput::Layer(head), .. } = &deformation.model else { unreachable!() };
+        let WrfGsPlusModel { network, position: crate::mlp::LayerInput::Layer(head), .. } = &deformation.model else {
+            unreachable!()
+        };
         let of_head = &gradient[network.layers()[*head].weights()];
         assert_eq!(of_head.iter().any(|g| *g != 0.0), move_positions);
     }
@@ -248,7 +250,7 @@ fn a_field_on_disk_renders_what_it_rendered() {
     field.write(&path).unwrap();
     let read = WrfGsPlusField::read(&path).unwrap();
     assert!(read.parameters == field.parameters && read.gaussians.radio == field.gaussians.radio && read.meta == field.meta);
-    let mut trainer = CpuTrainer::new(&config, read.parameters.clone()).unwrap();
+    let mut trainer = WrfGsPlusCpuTrainer::new(&config, read.parameters.clone()).unwrap();
     read.load(&mut trainer).unwrap();
     assert!(read.render(&mut trainer, &pose).unwrap() == seen);
 }
@@ -265,9 +267,9 @@ fn what_cannot_be_a_beginning_is_refused() {
     assert!(r.receive(&deaf).unwrap_err().to_string().contains("no spectrum"));
     r.begin().unwrap();
     assert!(r.begin().is_err() && r.receive(&keyframe(4)).is_err());
-    assert!(CpuTrainer::new(&config, vec![0.0; 3]).is_err());
+    assert!(WrfGsPlusCpuTrainer::new(&config, vec![0.0; 3]).is_err());
     let of_another = WrfGsPlusConfig { radio_target: RadioTarget::Db, ..config };
-    let trainer = CpuTrainer::new(&of_another, Model::new(&of_another).network.initial(1)).unwrap();
+    let trainer = WrfGsPlusCpuTrainer::new(&of_another, WrfGsPlusModel::new(&of_another).network.initial(1)).unwrap();
     let camera = Pinhole::from_horizontal_fov(4, 3, 80.0);
     let made = WrfGsPlusReconstructor::new(Box::new(trainer), small(), camera, camera, synthetic::DB_RANGE, 1);
     assert!(made.is_err_and(|e| e.to_string().contains("channels")));

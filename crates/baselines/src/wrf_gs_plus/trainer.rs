@@ -19,7 +19,7 @@ pub struct DeformedStep {
 }
 
 /// Trains Gaussians that a network deforms for each receiver.
-pub trait Trainer: Send {
+pub trait WrfGsPlusTrainer: Send {
     /// The device that holds the Gaussians without deformation, and the views.
     fn device(&mut self) -> &mut dyn Device;
 

@@ -12,7 +12,7 @@ use crate::methods::stepwise::report_unless_kept;
 use crate::metrics::Prediction;
 use crate::terminal::interrupt;
 use anyhow::{Context, Result, ensure};
-use corf_baselines::nerf2::{CpuTrainer, Model, Nerf2Config, Sight, TrainedNerf2, Trainer, TrainingRays};
+use corf_baselines::nerf2::{Nerf2Config, Nerf2CpuTrainer, Nerf2Model, Nerf2Trainer, Sight, TrainedNerf2, TrainingRays};
 use corf_scene::dataset::{Dataset, FixedArray};
 use corf_scene::keyframe::Modalities;
 use corf_scene::{Keyframe, Pinhole, Radio, Rigid3};
@@ -97,13 +97,18 @@ fn sight(array: Option<&FixedArray>, camera: Pinhole) -> Sight {
 }
 
 /// A trainer that holds these parameters.
-fn trainer(backend: &Backend, field: &TrainedNerf2) -> Result<Box<dyn Trainer>> {
+fn trainer(backend: &Backend, field: &TrainedNerf2) -> Result<Box<dyn Nerf2Trainer>> {
     match backend {
-        Backend::Cpu => Ok(Box::new(CpuTrainer::new(&field.config, field.transmitter_m, field.parameters.clone())?)),
+        Backend::Cpu => Ok(Box::new(Nerf2CpuTrainer::new(&field.config, field.transmitter_m, field.parameters.clone())?)),
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
             let options = network_options(*number, field.config.half_precision);
-            Ok(Box::new(corf_baselines::nerf2::GpuTrainer::new(&options, &field.config, field.transmitter_m, &field.parameters)?))
+            Ok(Box::new(corf_baselines::nerf2::Nerf2GpuTrainer::new(
+                &options,
+                &field.config,
+                field.transmitter_m,
+                &field.parameters,
+            )?))
         }
     }
 }
@@ -155,7 +160,7 @@ impl Method for Nerf2 {
             config: self.config,
             // The same for all rays: where it is not known, any other constant does as well.
             transmitter_m: training.transmitter_m().unwrap_or_default().map(|v| v as f32),
-            parameters: Model::new(&self.config).network.initial(seed),
+            parameters: Nerf2Model::new(&self.config).network.initial(seed),
         };
         let mut trainer = trainer(&self.backend, &field)?;
         let with_seed = |c: Checkpoints| Checkpoints { tag: format!("{} seed {seed}", c.tag), ..c };
@@ -164,7 +169,7 @@ impl Method for Nerf2 {
         let (schedule, total) = (self.config.schedule(), self.config.iterations);
         let mut reported = Instant::now();
         for step in first..total {
-            let interrupted = |trainer: &mut dyn Trainer, error: anyhow::Error| {
+            let interrupted = |trainer: &mut dyn Nerf2Trainer, error: anyhow::Error| {
                 // What could not be kept is done again.
                 report_unless_kept(checkpointer.keep(&field, trainer));
                 error
@@ -209,7 +214,7 @@ struct Checkpointer {
 
 impl Checkpointer {
     /// Goes on from the checkpoint, if there is one; says how many steps it has behind it.
-    fn resume(&self, trainer: &mut dyn Trainer) -> Result<usize> {
+    fn resume(&self, trainer: &mut dyn Nerf2Trainer) -> Result<usize> {
         let Some((c, path)) = self.checkpoints.as_ref().and_then(|c| Some((c, c.to_resume()?))) else { return Ok(0) };
         let (tag, state) = TrainedNerf2::read_state(path)?;
         c.check_tag(&tag)?;
@@ -223,7 +228,7 @@ impl Checkpointer {
         self.checkpoints.as_ref().is_some_and(|c| c.is_due(done, self.at))
     }
 
-    fn keep(&self, field: &TrainedNerf2, trainer: &mut dyn Trainer) -> Result<()> {
+    fn keep(&self, field: &TrainedNerf2, trainer: &mut dyn Nerf2Trainer) -> Result<()> {
         let Some(c) = self.checkpoints.as_ref().filter(|c| c.are_kept()) else { return Ok(()) };
         let state = trainer.state()?;
         field.write_state(&c.path, &c.written_tag(), &state).context("while keeping a checkpoint")?;
@@ -238,7 +243,7 @@ pub struct Nerf2Field {
     sight: Sight,
     backend: Backend,
     /// Made when it is first needed.
-    trainer: Option<Box<dyn Trainer>>,
+    trainer: Option<Box<dyn Nerf2Trainer>>,
 }
 
 impl Nerf2Field {

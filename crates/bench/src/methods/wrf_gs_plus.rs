@@ -12,7 +12,8 @@ use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Result, ensure};
 use corf::IdleKey;
 use corf_baselines::wrf_gs_plus::{
-    ArrayTrainer, CpuTrainer, Model, Trainer, WrfGsPlusCheckpoint, WrfGsPlusConfig, WrfGsPlusField, WrfGsPlusReconstructor,
+    FixedArrayTrainer, WrfGsPlusCheckpoint, WrfGsPlusConfig, WrfGsPlusCpuTrainer, WrfGsPlusField, WrfGsPlusModel,
+    WrfGsPlusReconstructor, WrfGsPlusTrainer,
 };
 use corf_scene::Rigid3;
 use corf_scene::dataset::{Dataset, FixedArray};
@@ -74,13 +75,13 @@ impl WrfGsPlus {
 }
 
 /// A trainer without Gaussians, with these parameters of its network.
-pub fn trainer(backend: &Backend, config: &WrfGsPlusConfig, parameters: Vec<f32>) -> Result<Box<dyn Trainer>> {
+pub fn trainer(backend: &Backend, config: &WrfGsPlusConfig, parameters: Vec<f32>) -> Result<Box<dyn WrfGsPlusTrainer>> {
     match backend {
-        Backend::Cpu => Ok(Box::new(CpuTrainer::new(config, parameters)?)),
+        Backend::Cpu => Ok(Box::new(WrfGsPlusCpuTrainer::new(config, parameters)?)),
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
             let options = network_options(*number, config.half_precision);
-            Ok(Box::new(corf_baselines::wrf_gs_plus::GpuTrainer::new(&options, config, &parameters)?))
+            Ok(Box::new(corf_baselines::wrf_gs_plus::WrfGsPlusGpuTrainer::new(&options, config, &parameters)?))
         }
     }
 }
@@ -91,9 +92,9 @@ fn array_trainer(
     config: &WrfGsPlusConfig,
     array: &FixedArray,
     parameters: Vec<f32>,
-) -> Result<Box<dyn Trainer>> {
+) -> Result<Box<dyn WrfGsPlusTrainer>> {
     match backend {
-        Backend::Cpu => Ok(Box::new(ArrayTrainer::new(config, array, parameters)?)),
+        Backend::Cpu => Ok(Box::new(FixedArrayTrainer::new(config, array, parameters)?)),
         #[cfg(feature = "gpu")]
         Backend::Gpu { .. } => anyhow::bail!(
             "WRF-GS+ of an array that stands still runs on the processor: what draws Gaussians on a GPU draws them through a pinhole\n  help: give \
@@ -185,7 +186,7 @@ impl Method for WrfGsPlus {
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
         let (config, total) = (&self.config, self.config.iterations);
-        let (range, parameters) = (training.required_db_range()?, Model::new(config).network.initial(seed));
+        let (range, parameters) = (training.required_db_range()?, WrfGsPlusModel::new(config).network.initial(seed));
         let reconstructor = match training.fixed_array() {
             Some(array) => {
                 let trainer = array_trainer(&self.backend, config, array, parameters)?;
@@ -217,7 +218,7 @@ pub struct WrfGsPlusPredictor {
     field: WrfGsPlusField,
     backend: Backend,
     /// One that holds the field; made when it is first needed.
-    trainer: Option<Box<dyn Trainer>>,
+    trainer: Option<Box<dyn WrfGsPlusTrainer>>,
 }
 
 impl WrfGsPlusPredictor {

@@ -6,7 +6,7 @@ use super::raster::draw;
 use crate::mlp::Trained;
 use crate::wrf_gs_plus::cpu::{put, shapes};
 use crate::wrf_gs_plus::trainer::NETWORK_ADAM;
-use crate::wrf_gs_plus::{Deformation, DeformedStep, Model, Trainer, WrfGsPlusConfig};
+use crate::wrf_gs_plus::{Deformation, DeformedStep, WrfGsPlusConfig, WrfGsPlusModel, WrfGsPlusTrainer};
 use corf::device::cpu::deformed::{CORE, Rows};
 use corf::device::{Device, Planes, StepReport, TrainingView, View, ViewId};
 use corf::{CpuDevice, Error, Result};
@@ -15,8 +15,8 @@ use corf_scene::dataset::FixedArray;
 /// Place of the logit of the opacity at 60 GHz in a row.
 const LOGIT: usize = CORE - 1;
 
-/// A [`Trainer`] whose views are places of the transmitter, and whose pictures are of the array's directions.
-pub struct ArrayTrainer {
+/// A [`WrfGsPlusTrainer`] whose views are places of the transmitter, and whose pictures are of the array's directions.
+pub struct FixedArrayTrainer {
     /// Keeps the Gaussians with their optimiser; it renders nothing.
     device: CpuDevice,
     deformation: Deformation<f32>,
@@ -27,7 +27,7 @@ pub struct ArrayTrainer {
     ssim_weight: f32,
 }
 
-impl ArrayTrainer {
+impl FixedArrayTrainer {
     /// No Gaussians yet, and a network with these parameters.
     ///
     /// # Errors
@@ -39,7 +39,7 @@ impl ArrayTrainer {
             let help = "leave it out: of an array that stands still the level is the magnitude of the published program's first two of three channels";
             return Err(Error::invalid("WRF-GS+ config, key `rf_target`", "is for receivers that move", help));
         }
-        Trained::new(parameters.clone()).check(Model::new(config).network.parameters())?;
+        Trained::new(parameters.clone()).check(WrfGsPlusModel::new(config).network.parameters())?;
         let device = CpuDevice::new(config.optimizer(), config.raster(), &config.empty_field())?;
         let mut deformation = Deformation::new(config, parameters);
         deformation.rule.signal_is_magnitude = true;
@@ -102,7 +102,7 @@ impl ArrayTrainer {
     }
 }
 
-impl Trainer for ArrayTrainer {
+impl WrfGsPlusTrainer for FixedArrayTrainer {
     fn device(&mut self) -> &mut dyn Device {
         &mut self.device
     }

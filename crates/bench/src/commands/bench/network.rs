@@ -10,7 +10,7 @@ use crate::studies::workload;
 use crate::terminal::interrupt;
 use anyhow::Result;
 use clap::Args;
-use corf_baselines::nerf2::{CpuTrainer, Model, Nerf2Config, Trainer, TrainingRays};
+use corf_baselines::nerf2::{Nerf2Config, Nerf2CpuTrainer, Nerf2Model, Nerf2Trainer, TrainingRays};
 use corf_baselines::rf_3dgs::DensityConfig;
 use corf_baselines::wrf_gs_plus::{self, WrfGsPlusConfig, WrfGsPlusReconstructor};
 use corf_scene::keyframe::DbRange;
@@ -147,15 +147,15 @@ impl Network {
     fn step(&self, backend: &Backend, half: bool) -> Result<Measured> {
         let config = Nerf2Config { rays: self.rays, half_precision: half, ..Nerf2Config::default() };
         config.validate()?;
-        let network = Model::new(&config).network;
+        let network = Nerf2Model::new(&config).network;
         let mut rays = TrainingRays::new(Pinhole::from_horizontal_fov(300, 200, 90.0), 1);
         rays.push(Rigid3::IDENTITY, &Raster::from_fn(300, 200, |x, y| ((x + y) % 50) as f32 / 50.0))?;
-        let mut trainer: Box<dyn Trainer> = match backend {
-            Backend::Cpu => Box::new(CpuTrainer::new(&config, [0.0; 3], network.initial(1))?),
+        let mut trainer: Box<dyn Nerf2Trainer> = match backend {
+            Backend::Cpu => Box::new(Nerf2CpuTrainer::new(&config, [0.0; 3], network.initial(1))?),
             #[cfg(feature = "gpu")]
             Backend::Gpu { number, .. } => {
                 let options = network_options(*number, half);
-                Box::new(corf_baselines::nerf2::GpuTrainer::new(&options, &config, [0.0; 3], &network.initial::<f32>(1))?)
+                Box::new(corf_baselines::nerf2::Nerf2GpuTrainer::new(&options, &config, [0.0; 3], &network.initial::<f32>(1))?)
             }
         };
         let mut run = |steps: std::ops::Range<usize>| -> Result<f64> {
@@ -191,7 +191,7 @@ impl Network {
             ..WrfGsPlusConfig::default()
         };
         config.validate()?;
-        let network = wrf_gs_plus::Model::new(&config).network;
+        let network = wrf_gs_plus::WrfGsPlusModel::new(&config).network;
         let rig = workload::rig([1, 1], [300, 200]);
         let range = DbRange { min_db: -120.0, max_db: -60.0 };
         let trainer = methods::wrf_gs_plus::trainer(backend, &config, network.initial(1))?;
