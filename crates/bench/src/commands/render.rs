@@ -12,7 +12,7 @@ use crate::run::claim_output;
 use crate::run::open::{self, OpenRun};
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
-use crate::uncertainty::{Calibration, Surroundings};
+use crate::uncertainty::{Calibration, TrainingKeyframes};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use corf_scene::color::quantize8;
@@ -292,10 +292,10 @@ impl Render {
 }
 
 /// What standard deviations at a pose of a run follow from: a calibration, and the errors at the run's training keyframes.
-fn judge(file: &Path, run: &mut OpenRun) -> Result<(Calibration, Surroundings)> {
+fn judge(file: &Path, run: &mut OpenRun) -> Result<(Calibration, TrainingKeyframes)> {
     let calibration = Calibration::read(file, &run.info.method)?;
     let predictor = run.predictor.as_mut();
-    let surroundings = Surroundings::of(&run.input.dataset, &run.split.train, |pose| {
+    let surroundings = TrainingKeyframes::of(&run.input.dataset, &run.split.train, |pose| {
         interrupt::check()?;
         Ok(predictor.render(pose)?.radio.context("the method predicts no spectra")?.scalar)
     })?;

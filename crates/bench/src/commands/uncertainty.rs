@@ -13,7 +13,7 @@ use crate::run::open::{self, OpenRun};
 use crate::split::Holdout;
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
-use crate::uncertainty::{Calibration, Coverage, Examples, Judged, NOMINAL, Surroundings, Worth, next};
+use crate::uncertainty::{Calibration, Coverage, Examples, Judged, NOMINAL, TrainingKeyframes, Worth, next};
 use anyhow::{Context, Result, ensure};
 use clap::{Args, Subcommand};
 use corf_scene::words::counted;
@@ -109,7 +109,7 @@ pub struct Next {
 struct Field {
     run: OpenRun,
     backend: Backend,
-    surroundings: Surroundings,
+    surroundings: TrainingKeyframes,
 }
 
 /// Levels of a predicted spectrum, in `[0, 1]`.
@@ -130,7 +130,7 @@ impl Of {
         let train = run.split.train.clone();
         let mut progress = Progress::start("training keyframes", train.len(), "keyframes");
         let mut done = 0;
-        let surroundings = Surroundings::of(&run.input.dataset, &train, |pose| {
+        let surroundings = TrainingKeyframes::of(&run.input.dataset, &train, |pose| {
             done += 1;
             progress.set(done, train.len());
             levels(run.predictor.as_mut(), pose)

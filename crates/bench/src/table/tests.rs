@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
     let mut means: BTreeMap<String, f64> =
         COLUMNS.iter().filter(|c| c.backbone().is_none()).map(|c| (c.key.to_owned(), 1.0)).collect();
-    ["psnr_rf_jet", "psnr_rf_scalar"].iter().for_each(|key| drop(means.insert((*key).to_owned(), psnr_rf)));
+    means.extend(["psnr_rf_jet", "psnr_rf_scalar"].map(|key| (key.to_owned(), psnr_rf)));
     let numbers = Numbers {
         seconds: Some(2.0),
         gaussians: Some(10),

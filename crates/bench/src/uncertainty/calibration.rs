@@ -231,7 +231,7 @@ impl Calibration {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::uncertainty::{Coverage, Surroundings};
+    use crate::uncertainty::{Coverage, TrainingKeyframes};
     use corf_scene::keyframe::DbRange;
     use corf_scene::{Pinhole, Raster, Rigid3, Rng};
     use glam::DVec3;
@@ -257,9 +257,9 @@ mod tests {
     }
 
     /// Training keyframes 0.4 m apart, and examples of poses between them.
-    fn world() -> (Surroundings, Vec<Examples>) {
+    fn world() -> (TrainingKeyframes, Vec<Examples>) {
         let mut rng = Rng::keyed(5, 6, 7);
-        let mut around = Surroundings::new(Pinhole::from_horizontal_fov(WIDTH, HEIGHT, 90.0), RANGE);
+        let mut around = TrainingKeyframes::new(Pinhole::from_horizontal_fov(WIDTH, HEIGHT, 90.0), RANGE);
         for i in 0..14 {
             let (observed, predicted) = made(&mut rng);
             around.add(pose(0.4 * f64::from(i)), &observed, &predicted).unwrap();

@@ -18,7 +18,7 @@ mod signs;
 pub use calibration::{Calibration, Examples};
 pub use coverage::{Coverage, FrameCoverage, Judged};
 pub use next::{Worth, next};
-pub use signs::{Known, Signs, Surroundings};
+pub use signs::{Known, Signs, TrainingKeyframes};
 
 /// Share of errors that intervals are to hold.
 pub const NOMINAL: f64 = 0.9;

@@ -1,7 +1,7 @@
 //! Which poses of a way are worth measuring next: those that would make most of it more certain.
 
 use super::calibration::Calibration;
-use super::signs::Surroundings;
+use super::signs::TrainingKeyframes;
 use crate::methods::distance_m;
 use anyhow::Result;
 use corf_scene::{Raster, Rigid3};
@@ -24,9 +24,9 @@ pub struct Worth {
 /// pose measured makes poses around it as certain as a training keyframe at its place would. `render` answers levels in `[0, 1]`.
 ///
 /// # Errors
-/// Those of [`Surroundings::signs`] and of `render`.
+/// Those of [`TrainingKeyframes::signs`] and of `render`.
 pub fn next(
-    surroundings: &Surroundings,
+    surroundings: &TrainingKeyframes,
     calibration: &Calibration,
     way: &[Rigid3],
     count: usize,

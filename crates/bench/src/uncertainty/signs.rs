@@ -39,14 +39,14 @@ pub struct Known {
 
 /// The training keyframes of a field, with their errors.
 #[derive(Clone, Debug)]
-pub struct Surroundings {
+pub struct TrainingKeyframes {
     camera: Pinhole,
     range: DbRange,
     reach_px: usize,
     known: Vec<Known>,
 }
 
-impl Surroundings {
+impl TrainingKeyframes {
     /// Nothing known yet, of spectra of a camera over a range of decibels.
     pub fn new(camera: Pinhole, range: DbRange) -> Self {
         let reach_px = (REACH_DEG.to_radians() * camera.fx).round().max(1.0) as usize;
@@ -179,7 +179,7 @@ fn smoothed(raster: &Raster<f64>, reach: usize) -> Raster<f64> {
     Raster::from_fn(width, height, |x, y| columns[x][y])
 }
 
-impl Surroundings {
+impl TrainingKeyframes {
     /// The training keyframes of a run, at each of which its field is rendered once; `render` answers levels in `[0, 1]`.
     ///
     /// # Errors
@@ -219,7 +219,7 @@ mod tests {
         let range = DbRange { min_db: -110.0, max_db: -40.0 };
         let looking =
             |x: f64, towards: DVec3| Rigid3::looking_at(DVec3::new(x, 0.0, 1.5), DVec3::new(x, 0.0, 1.5) + towards, DVec3::Z);
-        let mut around = Surroundings::new(camera, range);
+        let mut around = TrainingKeyframes::new(camera, range);
         let silent = Raster::filled(48, 32, 0.0);
         // It looks along x and is wrong by 7 dB in its left half, which looks to +y.
         let wrong = Raster::from_fn(48, 32, |x, _| if x < 24 { 0.1 } else { 0.0 });

@@ -46,6 +46,7 @@ fn header() -> DatasetHeader {
         split: SplitConfig { test_every: 4, held_out_segment: Some([5, 2]) },
         stated_split: None,
         objects: vec!["floor".into(), "wall".into()],
+        light_from: None,
         scene_sha256: None,
         scene_content_sha256: None,
         config: None,

@@ -129,6 +129,9 @@ impl<T: Real> Walk<T> {
     }
 }
 
+/// Gradient in a Gaussian, in its opacity's logit, and in its mean, pixels.
+pub type GaussianGradient<T> = (Shape<T>, T, [T; 2]);
+
 impl<T: Real> Drawing<'_, T> {
     /// The spectrum, over nothing.
     pub fn image(&self) -> Channels<T> {
@@ -147,7 +150,7 @@ impl<T: Real> Drawing<'_, T> {
     }
 
     /// The gradient in every Gaussian and its opacity's logit from that in the spectrum, and of those that are drawn the gradient in the mean, pixels.
-    pub fn gradient(&self, image: &Channels<T>, of_image: &Channels<T>) -> Vec<Option<(Shape<T>, T, [T; 2])>> {
+    pub fn gradient(&self, image: &Channels<T>, of_image: &Channels<T>) -> Vec<Option<GaussianGradient<T>>> {
         let band = |(band, list): (usize, &Vec<u32>)| {
             let mut walk = Walk::new(self.lens, band);
             let pixels = band * BAND * self.lens.columns..;

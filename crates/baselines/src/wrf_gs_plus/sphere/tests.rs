@@ -82,6 +82,9 @@ fn some(array: &FixedArray) -> (Vec<Shape<f64>>, Vec<f64>) {
     (shapes, logits)
 }
 
+/// Moves one number of the Gaussians or of their opacities' logits.
+type Change<'c> = &'c dyn Fn(f64, &mut Vec<Shape<f64>>, &mut Vec<f64>);
+
 #[test]
 fn gradients_are_those_of_finite_differences() {
     const H: f64 = 1e-6;
@@ -96,7 +99,7 @@ fn gradients_are_those_of_finite_differences() {
     let drawing = draw(&lens, &shapes, &logits);
     let gradient = drawing.gradient(&drawing.image(), &weights);
     let mut checked = 0;
-    let mut hold = |what: &str, own: f64, change: &dyn Fn(f64, &mut Vec<Shape<f64>>, &mut Vec<f64>)| {
+    let mut hold = |what: &str, own: f64, change: Change<'_>| {
         let [up, down] = [H, -H].map(|h| {
             let (mut s, mut l) = (shapes.clone(), logits.clone());
             change(h, &mut s, &mut l);
