@@ -11,6 +11,8 @@ const WIDTH: u32 = 760;
 const PART: f64 = 360.0;
 /// Lengths of a lookup's strokes, pixels.
 const DASH: f64 = 6.0;
+/// Height of the legend's ends and of a line of it, pixels.
+const LEGEND: [f64; 2] = [28.0, 18.0];
 /// Least distance on the logarithmic axis, metres: of data sets with keyframes at one place.
 const LEAST_M: f64 = 1e-4;
 
@@ -42,14 +44,19 @@ pub(super) fn svg(results: &Results, metrics: &[&Column]) -> Result<String> {
         }
         let (low, high) = extent(ends.into_iter());
         let pad = (0.1 * (high - low)).max(1e-3 * high.abs()).max(1e-3);
-        let y = Scale::linear(low - pad, high + pad).with_context(|| format!("cannot draw {}", metric.key))?;
         let top = PART * at as f64;
         let frame = AxesFrame { left: 84.0, top: top + 40.0, right: f64::from(WIDTH) - 20.0, bottom: top + PART - 50.0 };
+        let rows = results.steps.first().map_or(&[][..], |step| &step.rows);
+        // The legend stands below all that is drawn, as far as half of the frame goes.
+        let legend_height = LEGEND[0] + LEGEND[1] * (rows.len() + 1) as f64;
+        let share = (legend_height / (frame.bottom - frame.top)).min(0.5);
+        let (low, high) = (low - pad, high + pad);
+        let low = high - (high - low) / (1.0 - share);
+        let y = Scale::linear(low, high).with_context(|| format!("cannot draw {}", metric.key))?;
         let mut plot = Plot::new(&mut svg, frame, x, y);
         plot.title(metric.heading);
         plot.y_axis("", true);
         plot.x_axis("median distance to the nearest training pose, m", true);
-        let rows = results.steps.first().map_or(&[][..], |step| &step.rows);
         let mut legend = Vec::new();
         for ((number, row), colour) in rows.iter().enumerate().zip(PALETTE.into_iter().cycle()) {
             let stroke = Stroke { dash: row.looks_up.then_some(DASH), ..Stroke::of(colour, 2.0) };
@@ -69,7 +76,7 @@ pub(super) fn svg(results: &Results, metrics: &[&Column]) -> Result<String> {
             }
             let mine = results.overtaking.iter().find(|o| o.metric == metric.key && o.row == row.row);
             if let Some(place) = mine.and_then(|o| o.distance_m).map(distance) {
-                plot.line([(place, low - pad), (place, high + pad)], Stroke { dash: Some(2.0), ..Stroke::of(colour, 1.0) });
+                plot.line([(place, low), (place, high)], Stroke { dash: Some(2.0), ..Stroke::of(colour, 1.0) });
             }
             legend.push((LegendMark::Line(stroke), row.row.as_str()));
         }
