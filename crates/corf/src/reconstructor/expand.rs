@@ -7,7 +7,7 @@ use super::{
 use crate::{
     Coupling, Gaussians, Result, Sampling,
     depth::{self, PixelDepth, Reliability, SparseDepth},
-    device::{PruneDecision, PruneRule, Shown, StepReport, Survey, SurveyRequest, View},
+    device::{PruneDecision, PruneRule, Shown, StepReport, Survey, SurveyRequest, TrainingTimes, View},
     expansion::{prune, spawn},
     field::over_coverage,
     images::laplacian_of_gaussian,
@@ -56,6 +56,17 @@ struct Change {
 }
 
 impl Reconstructor {
+    /// Where the time of training and expansion went so far, on a device that was told to time itself.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn take_training_times(&mut self) -> Result<Option<TrainingTimes>> {
+        let Some(mut times) = self.device.take_training_times()? else { return Ok(None) };
+        let names = ["survey", "decision", "change of the field"];
+        times.host = names.into_iter().map(str::to_owned).zip(std::mem::take(&mut self.expanding_s)).collect();
+        Ok(Some(times))
+    }
+
     /// Expands the field with one keyframe and adds it to the buffer of the schedule.
     pub(super) fn expand(&mut self, mut keyframe: Prepared) -> Result<Expansion> {
         let view = View { camera: self.meta.light_camera, world_from_camera: keyframe.training.world_from_camera };

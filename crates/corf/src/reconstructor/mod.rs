@@ -19,7 +19,7 @@ use crate::{
     Device, Error, Field, FieldMeta, FieldRendering, Gaussians, Result,
     config::{Coupling, MatchedOn, ReconstructionConfig, SecondStageOpacity},
     depth::{self, Correction, DepthQuality, DepthTally, ProcessorMatcher},
-    device::{Step, StepReport, TrainingTimes},
+    device::{Step, StepReport},
     reconstructor::schedule::{Schedule, StageWeights},
 };
 use checkpoint::Replay;
@@ -401,17 +401,6 @@ impl Reconstructor {
     pub fn timings(&self) -> &[KeyframeTiming] {
         let open = self.config.overlapped_iterations() > 0 && !self.finished;
         &self.timings[..self.timings.len() - usize::from(open && !self.timings.is_empty())]
-    }
-
-    /// Where the time of training and expansion went so far, on a device that was told to time itself.
-    ///
-    /// # Errors
-    /// The device's.
-    pub fn take_training_times(&mut self) -> Result<Option<TrainingTimes>> {
-        let Some(mut times) = self.device.take_training_times()? else { return Ok(None) };
-        let names = ["survey", "decision", "change of the field"];
-        times.host = names.into_iter().map(str::to_owned).zip(std::mem::take(&mut self.expanding_s)).collect();
-        Ok(Some(times))
     }
 
     /// Errors of the depths of all new Gaussians, where keyframes carried the true depth; after a checkpoint, of those that followed it.
