@@ -92,6 +92,7 @@ pub struct LinkArray {
 
 /// Spacing of elements, wavelengths.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "Spacing")]
 #[serde(untagged)]
 pub enum SpacingArg {
     /// Along both axes.
