@@ -17,6 +17,7 @@ use corf_baselines::wrf_gs_plus::{
 };
 use corf_scene::Rigid3;
 use corf_scene::dataset::{Dataset, FixedArray};
+use corf_scene::keyframe::Modalities;
 use schemars::schema_for;
 use std::path::Path;
 
@@ -168,6 +169,10 @@ impl Method for WrfGsPlus {
     /// The box in which the first Gaussians lie follows from the extent of the receivers.
     fn least_keyframes(&self) -> usize {
         2
+    }
+
+    fn needs(&self) -> Modalities {
+        Modalities { light: false, radio: true }
     }
 
     fn idle_keys(&self, training: Option<&TrainingSet<'_>>) -> Result<Vec<IdleKey>> {
