@@ -131,39 +131,6 @@ def quality(maker):
     return evaluated(maker) / "quality.svg"
 
 
-DENSITY = """name = "room-mini on thinner and thinner training keyframes"
-dataset = "{dataset}"
-seeds = [1, 2, 3]
-row = [
-    {{ label = "CORF-GS", method = "corf-gs" }},
-    {{ label = "nearest keyframe", method = "nearest" }},
-    {{ label = "inverse distance", method = "inverse-distance" }},
-]
-"""
-
-
-def density(maker):
-    plan = maker.scratch / "density.toml"
-    plan.write_text(DENSITY.format(dataset=maker.room()))
-    # Of these, the nearest training pose is one, two and three keyframes away in the median.
-    return maker.once("density", "bench", "density", plan, "--every", "1,5,8", "--device", "cpu") / "density.svg"
-
-
-def latency(maker):
-    live, run = maker.scratch / "live", maker.scratch / "live-run"
-    dataset = maker.room()
-    follow = [str(maker.corf), "reconstruct", "--follow", str(live), "--out", str(run), "--device", "cpu"]
-    with subprocess.Popen(follow, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as reconstruction:
-        try:
-            maker.run("dataset", "play", dataset, "--to", live, "--rate", 3)
-            said = reconstruction.communicate()[1]
-        finally:
-            reconstruction.kill()
-    if reconstruction.returncode != 0:
-        sys.exit(f"{' '.join(follow)}: exit code {reconstruction.returncode}\n{said}")
-    return run / "latency.svg"
-
-
 def viewer(maker):
     return maker.photograph(maker.demo() / "viewer.html", (1400, 800), "document.getElementById('message')?.textContent === ''")
 
@@ -180,8 +147,6 @@ PICTURES = {
     "coverage.jpg": (coverage, LOBBY),
     "keyframe.svg": (keyframe, MINI),
     "quality.svg": (quality, MINI),
-    "density.svg": (density, ROOM),
-    "latency.svg": (latency, ROOM),
     "viewer.jpg": (viewer, [*MINI, VIEWER]),
     "report.jpg": (report, [*MINI, "scenes/demo.toml"]),
 }

@@ -107,6 +107,7 @@ pub(super) fn of_method(id: &str) -> Result<Vec<Key>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::methods::corf_gs::GeometryConfig;
     use serde_json::json;
 
     /// The value at a dotted key.
@@ -125,9 +126,13 @@ mod tests {
                 let Some(default) = key.default.as_ref().filter(|_| key.kind != "table") else { continue };
                 let tables = ["", "reconstruction.", "radio.", "light.reconstruction."];
                 let stripped = key.key.strip_prefix("light.").unwrap_or(&key.key);
-                let holds = tables
-                    .iter()
-                    .any(|t| [key.key.as_str(), stripped].iter().any(|k| at(&method.config(), &format!("{t}{k}")) == default));
+                // Of a run on another's geometry, whose keys stand where there is one.
+                let on_geometry = json!(GeometryConfig::default());
+                let is_of_geometry = key.key.strip_prefix("geometry.").is_some_and(|k| at(&on_geometry, k) == default);
+                let holds = is_of_geometry
+                    || tables.iter().any(|t| {
+                        [key.key.as_str(), stripped].iter().any(|k| at(&method.config(), &format!("{t}{k}")) == default)
+                    });
                 assert!(holds, "{id}: {} is not {default}", key.key);
             }
         }

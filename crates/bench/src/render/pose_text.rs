@@ -207,7 +207,7 @@ mod tests {
             ("x_m,y_m,z_m,yaw_deg\n1,inf,3,0\n", "a.csv:2: y_m is \"inf\""),
             ("x_m,y_m,z_m,yaw_deg\n1,2,3\n", "a.csv:2: 3 fields where the line of names has 4"),
             ("x_m,y_m,z_m,yaw_deg\n1,2,3,1e9\n", "yaw_deg"),
-            ("x_m,y_m,z_m,qw,qx,qy,qz\n1,2,3,2,0,0,0\n", "of length 2"),
+            ("x_m,y_m,z_m,qw,qx,qy,qz\n1,2,3,9,0,0,0\n", "of length 9"),
             ("", "is empty"),
         ] {
             let error = format!("{:#}", csv(text).unwrap_err());
