@@ -107,7 +107,7 @@ pub(super) fn of_method(id: &str) -> Result<Vec<Key>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::methods::corf_gs::GeometryConfig;
+    use crate::methods::corf_gs::{GeometryConfig, StartOpacity};
     use serde_json::json;
 
     /// The value at a dotted key.
@@ -127,7 +127,11 @@ mod tests {
                 let tables = ["", "reconstruction.", "radio.", "light.reconstruction."];
                 let stripped = key.key.strip_prefix("light.").unwrap_or(&key.key);
                 // Of a run on another's geometry, whose keys stand where there is one.
-                let on_geometry = json!(GeometryConfig::default());
+                let on_geometry = json!({
+                    "epochs": GeometryConfig::usual_epochs(),
+                    "opacity": StartOpacity::default(),
+                    "rate_at_end": GeometryConfig::usual_rate_at_end(),
+                });
                 let is_of_geometry = key.key.strip_prefix("geometry.").is_some_and(|k| at(&on_geometry, k) == default);
                 let holds = is_of_geometry
                     || tables.iter().any(|t| {
