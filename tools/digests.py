@@ -7,6 +7,8 @@ Paths of the lobby (with transmission, diffraction and diffuse power) in every f
 lobby-mini's room with both modalities and one of beams, a short reconstruction by every method with what it keeps on disk, the table of their plan, every
 export of scenes, data sets and fields, an import, and the viewer's pages. What depends on the clock, the machine or the folder is left out.
 Needs nothing but Python and a built `corf`; some three minutes on two cores. Digests hold on one machine with one version of the compiler.
+Where the ray tracer was changed on purpose, every data set and all that is made of it differ; `--data-corf BEFORE` has the build of before make the data
+sets, so that what else has changed is seen.
 """
 
 import argparse
@@ -81,11 +83,11 @@ def digest(path):
 
 
 class Digests:
-    def __init__(self, corf, scratch):
-        self.corf, self.scratch = corf, scratch
+    def __init__(self, corf, data_corf, scratch):
+        self.corf, self.data_corf, self.scratch = corf, data_corf, scratch
 
-    def run(self, *arguments):
-        done = subprocess.run([self.corf, *map(str, arguments)], capture_output=True, text=True, cwd=REPOSITORY)
+    def run(self, *arguments, corf=None):
+        done = subprocess.run([corf or self.corf, *map(str, arguments)], capture_output=True, text=True, cwd=REPOSITORY)
         if done.returncode not in (0, 1):
             raise SystemExit(f"corf {' '.join(map(str, arguments))} ended with {done.returncode}:\n{done.stderr}")
         return done.stdout
@@ -151,7 +153,7 @@ class Digests:
         config = self.scratch / f"{name}-small.toml"
         config.write_text(f"{text}\n{extra}\n")
         out = self.scratch / f"{name}-small"
-        self.run("dataset", "generate", config, "--out", out)
+        self.run("dataset", "generate", config, "--out", out, corf=self.data_corf)
         for file in ["optical/images/00003.png", "optical/depth/00003.exr", "rf/images/00003.png", "rf/spectra/00003.exr", "trajectory.json"]:
             self.say(f"{name}: {file}", out / file)
         # A SHA-256 of every file is among this one's keys.
@@ -199,9 +201,10 @@ class Digests:
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--corf", default=os.path.join(os.environ.get("CARGO_TARGET_DIR", "target"), "release/corf"))
+    parser.add_argument("--data-corf", help="the build that makes the data sets (default: that of --corf)")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        digests = Digests(os.path.abspath(args.corf), Path(scratch))
+        digests = Digests(os.path.abspath(args.corf), os.path.abspath(args.data_corf or args.corf), Path(scratch))
         digests.every_method_has_a_row()
         digests.paths()
         digests.spectra()

@@ -12,6 +12,8 @@ import argparse
 import base64
 import hashlib
 import json
+import math
+import re
 import shutil
 import subprocess
 import sys
@@ -131,6 +133,60 @@ def quality(maker):
     return evaluated(maker) / "quality.svg"
 
 
+def held_out(maker):
+    """The first picture of the README: a keyframe at four times the pixels of lobby-mini, with less grain."""
+    sets = ["optical.width=384", "optical.height=216", "optical.effort=2"]
+    dataset = maker.once("large", "dataset", "generate", "scenes/lobby-mini.toml", *(part for key in sets for part in ("--set", key)))
+    run = maker.once("large-run", "reconstruct", dataset, "--method", "corf-gs-quality", "--device", "cpu")
+    figure = maker.scratch / "held-out.svg"
+    maker.run("evaluate", run, "--figure", figure)
+    width, height = (math.ceil(float(re.search(rf'<svg[^>]* {side}="([0-9.]+)"', figure.read_text())[1])) for side in ("width", "height"))
+    return maker.photograph(figure, (width, height), "true")
+
+
+DENSITY = """name = "room-mini on thinner and thinner training keyframes"
+dataset = "{dataset}"
+seeds = [1, 2, 3]
+row = [
+    {{ label = "CORF-GS", method = "corf-gs" }},
+    {{ label = "nearest keyframe", method = "nearest" }},
+    {{ label = "inverse distance", method = "inverse-distance" }},
+]
+"""
+
+
+def density(maker):
+    plan = maker.scratch / "density.toml"
+    plan.write_text(DENSITY.format(dataset=maker.room()))
+    # Of these, the nearest training pose is one, two and three keyframes away in the median.
+    return maker.once("density", "bench", "density", plan, "--every", "1,5,8", "--device", "cpu") / "density.svg"
+
+
+def latency(maker):
+    live, run = maker.scratch / "live", maker.scratch / "live-run"
+    dataset = maker.room()
+    follow = [str(maker.corf), "reconstruct", "--follow", str(live), "--out", str(run), "--device", "cpu"]
+    with subprocess.Popen(follow, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as reconstruction:
+        try:
+            maker.run("dataset", "play", dataset, "--to", live, "--rate", 3)
+            said = reconstruction.communicate()[1]
+        finally:
+            reconstruction.kill()
+    if reconstruction.returncode != 0:
+        sys.exit(f"{' '.join(follow)}: exit code {reconstruction.returncode}\n{said}")
+    return run / "latency.svg"
+
+
+def uncertainty(maker):
+    """Intervals fitted on validation keyframes, at a test keyframe."""
+    dataset = maker.demo() / "dataset"
+    calibration, figure = maker.scratch / "calibration.json", maker.scratch / "uncertainty.svg"
+    fitted, judged = (maker.once(f"run-{p}", "reconstruct", dataset, "--device", "cpu", "--protocol", p) for p in ("validation", "test"))
+    maker.run("uncertainty", "fit", fitted, "--device", "cpu", "--out", calibration)
+    maker.run("uncertainty", "check", judged, "--device", "cpu", "--calibration", calibration, "--figure", figure)
+    return figure
+
+
 def viewer(maker):
     return maker.photograph(maker.demo() / "viewer.html", (1400, 800), "document.getElementById('message')?.textContent === ''")
 
@@ -147,6 +203,10 @@ PICTURES = {
     "coverage.jpg": (coverage, LOBBY),
     "keyframe.svg": (keyframe, MINI),
     "quality.svg": (quality, MINI),
+    "held-out.jpg": (held_out, MINI),
+    "density.svg": (density, ROOM),
+    "latency.svg": (latency, ROOM),
+    "uncertainty.svg": (uncertainty, MINI),
     "viewer.jpg": (viewer, [*MINI, VIEWER]),
     "report.jpg": (report, [*MINI, "scenes/demo.toml"]),
 }

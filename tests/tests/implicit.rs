@@ -39,8 +39,12 @@ fn a_field_of_spectra_alone_goes_the_whole_way() {
     let out = folder.path().join("bench");
     corf_ok(&["bench", "run", text(&plan), "--out", text(&out), "--device", "cpu"]);
     let table = fs::read_to_string(out.join("table.md")).unwrap();
-    let line = table.lines().find(|l| l.starts_with("| implicit")).unwrap();
-    assert!(line.starts_with("| implicit | – | – | "), "{line}");
+    let cells = |line: &str| line.split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
+    let headings = cells(table.lines().find(|l| l.starts_with("| method")).unwrap());
+    let row = cells(table.lines().find(|l| l.starts_with("| implicit")).unwrap());
+    let under = |heading: &str| row[headings.iter().position(|h| h.starts_with(heading)).unwrap()].as_str();
+    assert_eq!((under("PSNR opt"), under("SSIM opt")), ("–", "–"), "{table}");
+    assert!(under("PSNR rf (dB)") != "–" && under("PSNR rf (Jet)") != "–", "{table}");
     let report = fs::read_to_string(out.join("report.html")).unwrap();
     assert!(report.contains("spectrum, predicted"), "the report shows what there is");
 }

@@ -265,7 +265,7 @@ fn room(folder: &Path, name: &str, spectrum: &str) -> PathBuf {
 
 /// What is tried: all keys of a method, or those whose defaults set it apart from another; of other depth priors all that is of depth. (`measured` is
 /// `exact` on this data set, and matches where a keyframe brings no depth.)
-fn trials(depth_maps: &Path, gaussians: &Path) -> Vec<Trial> {
+fn trials(depth_maps: &Path, gaussians: &Path, on_geometry: &str) -> Vec<Trial> {
     let of = |method, base: &str, data_set| Context { method, base: base.to_owned(), data_set };
     let prior = |prior: &str| of("corf-gs", &format!("{GAUSSIANS}depth.prior = {prior:?}\n"), LOBES);
     let maps = format!("{GAUSSIANS}depth = {{ prior = \"folder\", folder = {depth_maps:?}, folder_kind = \"depth-metric\" }}\n");
@@ -284,6 +284,7 @@ fn trials(depth_maps: &Path, gaussians: &Path) -> Vec<Trial> {
                 of("corf-gs-uniform", GAUSSIANS, LOBES),
                 of("corf-gs-frozen", GAUSSIANS, LOBES),
                 of("corf-gs", &maps, LOBES),
+                of("corf-gs", on_geometry, LOBES),
             ],
         ),
         trial(Keys::Of("depth."), vec![prior("exact")]),
@@ -338,6 +339,13 @@ fn every_key_of_every_method_changes_the_field_or_is_refused() {
     let begun = folder.path().join("begun");
     corf_ok(&["reconstruct", text(&places[0]), "--out", text(&begun), "--seed", "3", "--set", "iterations_per_keyframe=6"]);
     let gaussians = begun.join("coupled.ply");
+    // What --geometry writes down of that run.
+    let anew = folder.path().join("anew");
+    let few = ["--set", "geometry.epochs=2"];
+    corf_ok(&[&["reconstruct", text(&places[0]), "--out", text(&anew), "--geometry", text(&begun)][..], &few].concat());
+    let written: Value = serde_json::from_slice(&fs::read(anew.join("run.json")).unwrap()).unwrap();
+    let geometry = toml::Table::try_from(serde_json::json!({ "geometry": written["config"]["geometry"] })).unwrap();
+    let on_geometry = toml::to_string(&geometry).unwrap();
     let quoted = |path: &Path| format!("{:?}", text(path));
     let special = [
         ("depth.folder".to_owned(), quoted(&other_maps)),
@@ -346,7 +354,7 @@ fn every_key_of_every_method_changes_the_field_or_is_refused() {
         ("oracle_scene".to_owned(), quoted(&root().join("scenes/room.toml").canonicalize().unwrap())),
     ];
     let (mut faults, mut tried, mut excused) = (Vec::new(), BTreeSet::new(), BTreeSet::new());
-    for trial in trials(&maps, &gaussians) {
+    for trial in trials(&maps, &gaussians, &on_geometry) {
         let Trial { contexts, .. } = &trial;
         let method = contexts[0].method;
         tried.insert(method);

@@ -61,9 +61,9 @@ impl CorfGsConfig {
         let epochs = rest.remove("fine_tune_epochs").map_or_else(|| Ok(0), toml::Value::try_into);
         let seconds = rest.remove("fine_tune_s").map_or_else(|| Ok(None), |v| v.try_into().map(Some));
         let initial = rest.remove("initial_gaussians").map_or_else(|| Ok(None), |v| v.try_into().map(Some));
-        let geometry = rest.remove("geometry").map_or_else(|| Ok(None), |v| v.try_into().map(Some));
+        let geometry = rest.remove("geometry").map(GeometryConfig::parse).transpose()?;
         let config = Self {
-            geometry: geometry.context("in key geometry: --geometry RUN fills in what is known of the run")?,
+            geometry,
             initial_gaussians: initial.context("in key initial_gaussians")?,
             fine_tune_epochs: epochs.context("in key fine_tune_epochs")?,
             fine_tune_s: seconds.context("in key fine_tune_s")?,

@@ -72,8 +72,8 @@ pub struct Generate {
     /// Carrier, hertz, instead of the scene file's.
     #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
     frequency: Option<f64>,
-    /// Do not trace light: take images, depths and surfaces from this data set of the same mesh, poses and [optical], whose files are linked (copied
-    /// where they cannot be) with their hashes checked. For another transmitter, carrier or [rf]; whatever else differs is refused.
+    /// Do not trace light: take images, depths and surfaces from this data set of the same mesh, poses and `[optical]`, whose files are linked (copied
+    /// where they cannot be) with their hashes checked. For another transmitter, carrier or `[rf]`; whatever else differs is refused.
     #[arg(long, value_name = "DATASET", conflicts_with = "device")]
     light_from: Option<PathBuf>,
     /// Device that traces light: auto, cpu, gpu, or gpu:N for the N-th adapter. Radio is traced by the processor meanwhile.

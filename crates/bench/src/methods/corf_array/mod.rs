@@ -6,14 +6,14 @@ mod predictor;
 
 pub use predictor::{ArrayPredictor, observer};
 
-use super::corf_gs::{Checkpointer, CorfGsConfig};
+use super::corf_gs::{Checkpointer, CorfGsConfig, GeometryConfig};
 use super::field::FieldPredictor;
 use crate::device::Backend;
 use crate::methods::family::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::note;
 use crate::scenes::behind::SceneBehind;
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use corf::array_field::{ArrayConfig, ArrayField, ArrayTrainer, Image, SensorSettings, Surface};
 use corf::config::Coupling;
 use corf::{Field, IdleKey, RasterConfig, Reconstructor};
@@ -51,11 +51,13 @@ impl CorfArrayConfig {
         let mut rest = overrides.clone();
         let own = rest.remove("light").map_or_else(|| Ok(toml::Table::new()), toml::Value::try_into);
         let light: toml::Table = own.context("in key light")?;
+        if let Some(geometry) = light.get("geometry") {
+            bail!(
+                "light.{} has no effect: corf-gs alone keeps the geometry of a run\n  help: leave it out",
+                GeometryConfig::keys_of(geometry)
+            );
+        }
         let light = CorfGsConfig::parse(&light).context("in key light")?;
-        ensure!(
-            light.geometry.is_none(),
-            "key light.geometry: the geometry of a run is kept with --method corf-gs alone\n  help: leave it out"
-        );
         let has_stages = light.fine_tune_epochs > 0
             || light.fine_tune_s.is_some()
             || light.initial_gaussians.is_some()

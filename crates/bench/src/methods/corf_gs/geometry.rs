@@ -21,28 +21,36 @@ use std::time::Instant;
 /// File of a run folder with its Gaussians.
 const GAUSSIANS: &str = "coupled.ply";
 
-/// The table `geometry` of the overrides.
+/// The table `geometry` of the overrides. What is known of the run is filled in by `--geometry`, and is no key that anybody sets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GeometryConfig {
-    /// Folder of the finished run whose light and geometry are kept; `--geometry` fills in what is known of it.
+    /// Folder of the finished run whose light and geometry are kept.
+    #[schemars(skip)]
     pub run: PathBuf,
     /// SHA-256 of its Gaussians.
+    #[schemars(skip)]
     pub gaussians_sha256: String,
     /// Its method.
+    #[schemars(skip)]
     pub method: String,
     /// Folder of the data set that it was made from.
+    #[schemars(skip)]
     pub dataset: PathBuf,
     /// Hash of that data set.
+    #[schemars(skip)]
     pub dataset_hash: String,
     /// Evaluation protocol of its training: which keyframes it has learnt from.
-    #[schemars(with = "String")]
+    #[schemars(skip)]
     pub protocol: Protocol,
     /// The rasteriser's settings that its Gaussians were trained with.
+    #[schemars(skip)]
     pub raster: RasterConfig,
     /// Whether it read the data set's depth.
+    #[schemars(skip)]
     pub uses_ground_truth_depth: bool,
     /// Its time of reconstruction, seconds, which is none of this run's.
+    #[schemars(skip)]
     pub seconds: f64,
     /// Times that every spectrum is trained on, at full resolution. Default 60.
     #[serde(default = "GeometryConfig::usual_epochs")]
@@ -88,6 +96,26 @@ const MOST_EPOCHS: usize = 100_000;
 const WITHOUT_EFFECT: &str = "light and geometry are another run's, and radio alone is learnt";
 
 impl GeometryConfig {
+    /// The table of the overrides.
+    ///
+    /// # Errors
+    /// Keys without a run, an unknown key, or a value of another type.
+    pub(super) fn parse(given: toml::Value) -> Result<Self> {
+        ensure!(
+            given.get("run").is_some(),
+            "{} has no effect without a finished run whose light and geometry are kept\n  help: name the run with --geometry, or leave the key out",
+            Self::keys_of(&given)
+        );
+        given.try_into().context("in key geometry")
+    }
+
+    /// The keys of such a table, dotted.
+    pub fn keys_of(given: &toml::Value) -> String {
+        let keys = given.as_table().into_iter().flatten().map(|(key, _)| format!("geometry.{key}"));
+        let keys: Vec<String> = keys.collect();
+        if keys.is_empty() { "geometry".to_owned() } else { keys.join(", ") }
+    }
+
     /// Epochs where none are given.
     pub fn usual_epochs() -> usize {
         60
