@@ -15,10 +15,9 @@ doc() { RUSTDOCFLAGS="-D warnings -A rustdoc::private-intra-doc-links" cargo doc
 test() { cargo test --release --locked --workspace; }
 gpu() {
     local -x CORF_REQUIRE_GPU=1
-    cargo test --release --locked -p corf-gpu -p corf -p corf-baselines --features corf-baselines/gpu \
+    # One build for all of them: cargo compiles what they share anew for every other set of features.
+    cargo test --release --locked -p corf-gpu -p corf -p corf-raytrace -p corf-baselines -p corf-bench --features corf-bench/gpu \
         --lib --test gpu_device --test gradients --test dense --test wrf_gs_plus
-    cargo test --release --locked -p corf-raytrace --features gpu --lib gpu
-    cargo test --release --locked -p corf-bench --features gpu --lib generate
 }
 tools() { python3 -m unittest discover --start-directory tools --pattern 'test_*.py'; }
 
