@@ -1,3 +1,4 @@
+// cpu/blend.rs, Backward: gradients of splats, pixel by pixel from the last to the first.
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> state: array<u32>;
 @group(0) @binding(2) var<storage, read> lists: array<List>;

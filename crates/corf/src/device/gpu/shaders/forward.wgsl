@@ -1,4 +1,4 @@
-// A batch of splats, one a thread.
+// cpu/blend.rs, Forward. A batch of splats, one a thread.
 var<workgroup> batch_place: array<vec4<f32>, AREA>;
 var<workgroup> batch_power: array<vec3<f32>, AREA>;
 var<workgroup> batch_color: array<vec3<f32>, AREA>;

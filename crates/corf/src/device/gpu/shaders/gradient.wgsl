@@ -1,3 +1,4 @@
+// loss/fused.rs: the loss by its pixels.
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> image: array<f32>;
 @group(0) @binding(2) var<storage, read> goal: array<u32>;

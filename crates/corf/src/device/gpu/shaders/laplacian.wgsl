@@ -1,3 +1,4 @@
+// images/laplacian_of_gaussian.rs: where structure is.
 @group(0) @binding(2) var<storage, read> smoothed: array<f32>;
 @group(0) @binding(3) var<storage, read_write> norm: array<f32>;
 

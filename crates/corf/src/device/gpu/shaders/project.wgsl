@@ -1,3 +1,4 @@
+// cpu/project.rs: each Gaussian in the images of a step.
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> core: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> sh_0: array<vec4<f32>>;

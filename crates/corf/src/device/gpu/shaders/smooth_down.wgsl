@@ -1,3 +1,4 @@
+// images/laplacian_of_gaussian.rs: columns smoothed.
 @group(0) @binding(2) var<storage, read> image: array<f32>;
 @group(0) @binding(3) var<storage, read_write> smoothed: array<f32>;
 

@@ -1,3 +1,4 @@
+// cpu/update.rs: Adam's step of geometry and opacities.
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> state: array<u32>;
 @group(0) @binding(2) var<storage, read> gaussian_of: array<u32>;
