@@ -218,6 +218,11 @@ pub trait Device: Send {
         Ok(None)
     }
 
+    #[doc(hidden)]
+    fn as_cpu(&mut self) -> Option<&mut cpu::CpuDevice> {
+        None
+    }
+
     /// Number of Gaussians held.
     fn len(&self) -> usize;
 
