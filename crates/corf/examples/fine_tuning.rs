@@ -34,17 +34,24 @@ fn quantised(v: f32) -> f64 {
 /// Means over keyframes: light, RF in dB, RF as Jet.
 fn evaluate(device: &mut dyn Device, meta: &FieldMeta, keyframes: &[Keyframe]) -> Fallible<[f64; 3]> {
     let mut sum = [0.0; 3];
+    let each = std::env::var_os("EACH").is_some();
     for truth in keyframes {
         let seen = meta.render(device, truth.world_from_camera)?;
         let image = &truth.light.as_ref().ok_or("no light")?.image;
         let square: f64 = seen.image.pixels().iter().flatten().zip(image.pixels().iter().flatten())
             .map(|(a, b)| (quantised(*a) - f64::from(*b) / 255.0).powi(2)).sum();
         sum[0] += psnr(square, 3 * image.pixels().len());
+        if each {
+            print!(" {}:{:.2}", truth.index, psnr(square, 3 * image.pixels().len()));
+        }
         let spectrum: &Raster<f32> = &truth.radio.as_ref().ok_or("no radio")?.spectrum;
         let scalar = spectrum.map(|s| meta.db_range.scalar(*s));
         let n = scalar.pixels().len();
         let square: f64 = seen.scalar.pixels().iter().zip(scalar.pixels()).map(|(a, b)| (quantised(*a) - quantised(*b)).powi(2)).sum();
         sum[1] += psnr(square, n);
+        if each {
+            print!("/{:.2}", psnr(square, n));
+        }
         let square: f64 = seen.radio.pixels.chunks_exact(3).zip(scalar.pixels())
             .flat_map(|(a, b)| { let b = color::jet(*b); (0..3).map(move |c| (quantised(a[c]) - quantised(b[c])).powi(2)) }).sum();
         sum[2] += psnr(square, 3 * n);
