@@ -218,11 +218,6 @@ pub trait Device: Send {
         Ok(None)
     }
 
-    #[doc(hidden)]
-    fn as_cpu(&mut self) -> Option<&mut cpu::CpuDevice> {
-        None
-    }
-
     /// Number of Gaussians held.
     fn len(&self) -> usize;
 

@@ -68,52 +68,6 @@ impl Target {
         Self { width: image.width, height: image.height, channels: image.channels, stride, pixels, mean, mean_square, left_out }
     }
 
-    /// Overwrites the tiles of weight 0 of a tile-major image by the target.
-    pub fn fill_tiles(&self, tiles: &mut [f32], weights: &[f32]) {
-        let columns = self.width.div_ceil(TILE_WIDTH);
-        for (tile, _) in weights.iter().enumerate().filter(|(_, w)| **w <= 0.0) {
-            let (x, y) = (tile % columns * TILE_WIDTH, tile / columns * TILE_HEIGHT);
-            let n = TILE_WIDTH.min(self.width - x);
-            for c in 0..self.channels {
-                for row in 0..TILE_HEIGHT.min(self.height - y) {
-                    let to = (tile * self.channels + c) * AREA + row * TILE_WIDTH;
-                    let from = (c * self.height + y + row) * self.stride + x;
-                    tiles[to..to + n].copy_from_slice(&self.pixels[from..from + n]);
-                }
-            }
-        }
-    }
-
-    /// Per tile of a tile-major image, Σ |x − y|.
-    pub fn residuals_of(&self, image: &[f32], tiles: usize, channels: usize) -> Vec<f32> {
-        let columns = self.width.div_ceil(TILE_WIDTH);
-        (0..tiles)
-            .map(|tile| {
-                let (x, y) = (tile % columns * TILE_WIDTH, tile / columns * TILE_HEIGHT);
-                let n = TILE_WIDTH.min(self.width - x);
-                let mut sum = 0.0;
-                for c in 0..channels {
-                    for row in 0..TILE_HEIGHT.min(self.height - y) {
-                        let at = (tile * channels + c) * AREA + row * TILE_WIDTH;
-                        let from = (c * self.height + y + row) * self.stride + x;
-                        sum += image[at..at + n].iter().zip(&self.pixels[from..from + n]).map(|(a, b)| (a - b).abs()).sum::<f32>();
-                    }
-                }
-                sum
-            })
-            .collect()
-    }
-
-    /// The target's variance under the window.
-    pub fn variance(&self, at: usize) -> f32 {
-        (self.mean_square[at] - self.mean[at] * self.mean[at]).max(0.0)
-    }
-
-    /// The target's pixel rows, `[channel][row][stride]`.
-    pub fn rows(&self) -> (&[f32], usize) {
-        (&self.pixels, self.stride)
-    }
-
     /// Columns of a row (of all channels' rows) that do not count.
     fn left_out(&self, row: usize) -> &[usize] {
         self.left_out.as_ref().map_or(&[], |rows| &rows[row % self.height])
@@ -166,43 +120,6 @@ impl ImageLoss {
         let n = (target.width * rows) as f64;
         let gamma = f64::from(ssim_weight);
         ((1.0 - gamma) * difference / n + gamma * (1.0 - similarity / n)) as f32
-    }
-}
-
-impl ImageLoss {
-    /// The rendered image, row-major.
-    pub fn image(&self) -> &[f32] {
-        &self.image
-    }
-
-    /// Multiplies the gradient by the tiles' weights.
-    pub fn weigh_tiles(&mut self, target: &Target, weights: &[f32]) {
-        let columns = target.width.div_ceil(TILE_WIDTH);
-        for (tile, w) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0 && **w != 1.0) {
-            let (x, y) = (tile % columns * TILE_WIDTH, tile / columns * TILE_HEIGHT);
-            let n = TILE_WIDTH.min(target.width - x);
-            for c in 0..target.channels {
-                for row in 0..TILE_HEIGHT.min(target.height - y) {
-                    let at = (c * target.height + y + row) * target.stride + x;
-                    self.gradient[at..at + n].iter_mut().for_each(|g| *g *= w);
-                }
-            }
-        }
-    }
-
-    /// Per tile, Σ |x − y|.
-    pub fn residuals(&self, target: &Target) -> Vec<f32> {
-        let columns = target.width.div_ceil(TILE_WIDTH);
-        let tiles = columns * target.height.div_ceil(TILE_HEIGHT);
-        let mut out = vec![0.0; tiles];
-        for row in 0..target.channels * target.height {
-            let y = row % target.height;
-            let from = row * target.stride;
-            for x in 0..target.width {
-                out[y / TILE_HEIGHT * columns + x / TILE_WIDTH] += (self.image[from + x] - target.pixels[from + x]).abs();
-            }
-        }
-        out
     }
 }
 

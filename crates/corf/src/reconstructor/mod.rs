@@ -451,11 +451,6 @@ impl Reconstructor {
         Ok(last)
     }
 
-    #[doc(hidden)]
-    pub fn experiment(&mut self) -> (&mut dyn Device, &mut Schedule, &ReconstructionConfig, &FieldMeta) {
-        (self.device.as_mut(), &mut self.schedule, &self.config, &self.meta)
-    }
-
     /// The same for as long as `time` has room for another epoch like the one before, one at least; says how many there were. `progress` is
     /// told the time spent. The result depends on the machine and its load.
     ///

@@ -3,8 +3,6 @@
 //! A kernel is written once over [`Lanes`] and compiled three times: for any CPU, for AVX2 + FMA and for AVX-512. Sums over lanes and
 //! fused multiply-adds round differently between the three, so bytes may differ between machines; never between thread counts.
 
-pub(crate) mod dual;
-
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// `WIDTH` f32 numbers. Comparisons with NaN are false.

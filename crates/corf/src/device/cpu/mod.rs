@@ -12,10 +12,6 @@ pub(crate) mod project;
 pub(crate) mod pyramid;
 mod render;
 mod step;
-#[doc(hidden)]
-pub mod experiment;
-#[doc(hidden)]
-pub mod gauss_newton;
 mod store;
 mod tiles;
 mod update;
@@ -43,8 +39,6 @@ pub struct CpuDevice {
     frame: Frame,
     scratch: Scratch,
     times: StageTimes,
-    /// Weight of each tile in the next step, 0 of those left out; empty where all count.
-    tile_weights: [Vec<f32>; 2],
 }
 
 impl CpuDevice {
@@ -68,7 +62,6 @@ impl CpuDevice {
             frame: Frame::default(),
             scratch: Scratch::default(),
             times: StageTimes::default(),
-            tile_weights: Default::default(),
         })
     }
 
@@ -111,10 +104,6 @@ impl Device for CpuDevice {
         let pyramid = view.unwrap_as().ok_or_else(foreign)?;
         self.pyramids.push(pyramid);
         Ok(ViewId(self.pyramids.len() - 1))
-    }
-
-    fn as_cpu(&mut self) -> Option<&mut CpuDevice> {
-        Some(self)
     }
 
     fn len(&self) -> usize {

@@ -76,8 +76,6 @@ pub(crate) struct VisibleChunk {
 pub(crate) struct Projection {
     pub chunks: Vec<VisibleChunk>,
     pub splats: [Vec<Splat>; 2],
-    /// Tiles that count (weight above 0); empty: all.
-    pub tile_weights: [Vec<f32>; 2],
 }
 
 impl Projection {
@@ -89,10 +87,9 @@ impl Projection {
             splats.resize(chunks * CHUNK, Splat::default());
         }
         let [light, radio] = &mut self.splats;
-        let tile_weights = &self.tile_weights;
         self.chunks.par_iter_mut().zip(light.par_chunks_mut(CHUNK)).zip(radio.par_chunks_mut(CHUNK)).enumerate().for_each(
             |(chunk, ((visible, light), radio))| {
-                isa.dispatch(ProjectChunk { store, scene, near_m, tile_weights, first: chunk * CHUNK, visible, splats: [light, radio] });
+                isa.dispatch(ProjectChunk { store, scene, near_m, first: chunk * CHUNK, visible, splats: [light, radio] });
             },
         );
     }
@@ -118,7 +115,6 @@ struct ProjectChunk<'a> {
     store: &'a Store,
     scene: &'a Scene,
     near_m: f32,
-    tile_weights: &'a [Vec<f32>; 2],
     first: usize,
     visible: &'a mut VisibleChunk,
     splats: [&'a mut [Splat]; 2],
@@ -265,19 +261,7 @@ impl ProjectChunk<'_> {
                     let [u, v, qa, qb, qc] = [i[0][lane], i[1][lane], i[2][lane], i[3][lane], i[4][lane]];
                     let conic = [qa, qb, qc, i[12][lane]];
                     depth = i[10][lane];
-                    let mut reaches = emit_tiles(grid, [u, v], conic, i[7][lane], [i[8][lane], i[9][lane]], &mut list.tiles);
-                    let weights = &self.tile_weights[g];
-                    if reaches && !weights.is_empty() {
-                        let mut to = before;
-                        for at in before..list.tiles.len() {
-                            let tile = list.tiles[at];
-                            list.tiles[to] = tile;
-                            to += usize::from(weights[tile as usize] > 0.0);
-                        }
-                        list.tiles.truncate(to);
-                        reaches = to > before;
-                    }
-                    if reaches {
+                    if emit_tiles(grid, [u, v], conic, i[7][lane], [i[8][lane], i[9][lane]], &mut list.tiles) {
                         const LOG2E: f32 = std::f32::consts::LOG2_E;
                         let harmonics = &self.store.harmonics[g];
                         let core = &values[id as usize];

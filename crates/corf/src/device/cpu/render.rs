@@ -148,7 +148,6 @@ impl CpuDevice {
                 "ask for the optical view as well",
             ));
         }
-        self.frame.projection.tile_weights = Default::default();
         let mut out = Rendering::default();
         for (g, wanted) in [&request.light, &request.radio].into_iter().enumerate() {
             let Some((view, background)) = wanted else { continue };

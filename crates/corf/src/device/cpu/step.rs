@@ -48,10 +48,10 @@ impl StageTimes {
 /// Scratch of the gradient, kept between steps for its memory.
 #[derive(Default)]
 pub(crate) struct Scratch {
-    pub losses: [ImageLoss; 2],
-    pub depth: DepthLoss,
+    losses: [ImageLoss; 2],
+    depth: DepthLoss,
     /// Per image, one record per tile-list entry.
-    pub records: [Vec<Record>; 2],
+    records: [Vec<Record>; 2],
 }
 
 impl CpuDevice {
@@ -92,7 +92,6 @@ impl CpuDevice {
         let mut report = StepReport::default();
 
         let mut clock = Clock(Instant::now());
-        self.frame.projection.tile_weights.clone_from(&self.tile_weights);
         self.frame.project(isa, &self.store, scene, self.raster.near_m);
         report.visible = self.frame.projection.visible();
         clock.lap(&mut self.times.project_s);
@@ -103,11 +102,6 @@ impl CpuDevice {
         self.frame.blend(isa, scene, channels, [step.light_background, step.radio_background], with_depth);
         clock.lap(&mut self.times.forward_s);
 
-        for g in 0..2 {
-            if let (Some(_), false) = (&scene.grids[g], self.tile_weights[g].is_empty()) {
-                pyramid.levels[at[g]][g].target.fill_tiles(&mut self.frame.images[g].color, &self.tile_weights[g]);
-            }
-        }
         let scratch = &mut self.scratch;
         let [light_loss, radio_loss] = &mut scratch.losses;
         let (depth_loss, images, gamma) = (&mut scratch.depth, &self.frame.images, self.optimizer.ssim_weight);
@@ -119,11 +113,6 @@ impl CpuDevice {
         if let Some(target) = depth_target {
             // η multiplies the depth term inside L_opt (paper Eq. (19)).
             report.depth_loss = depth_loss.run(&images[0].inverse_depth, target, step.depth_weight);
-        }
-        for (g, loss) in [&mut *light_loss, &mut *radio_loss].into_iter().enumerate() {
-            if let (Some(_), false) = (&scene.grids[g], self.tile_weights[g].is_empty()) {
-                loss.weigh_tiles(&pyramid.levels[at[g]][g].target, &self.tile_weights[g]);
-            }
         }
         clock.lap(&mut self.times.loss_s);
 
@@ -151,7 +140,7 @@ impl CpuDevice {
         report
     }
 
-    pub(super) fn update<'a>(&'a self, scene: &'a Scene, mode: Mode<'a>) -> Update<'a> {
+    fn update<'a>(&'a self, scene: &'a Scene, mode: Mode<'a>) -> Update<'a> {
         Update {
             isa: self.isa,
             scene,
@@ -217,17 +206,17 @@ impl Clock {
 }
 
 /// The backward pass of one image.
-pub(super) struct Backwards<'a> {
-    pub isa: Isa,
-    pub grid: &'a Grid,
-    pub image: &'a Image,
-    pub splats: &'a [Splat],
-    pub color_gradient: &'a [f32],
-    pub depth_gradient: &'a [f32],
+struct Backwards<'a> {
+    isa: Isa,
+    grid: &'a Grid,
+    image: &'a Image,
+    splats: &'a [Splat],
+    color_gradient: &'a [f32],
+    depth_gradient: &'a [f32],
 }
 
 impl Backwards<'_> {
-    pub(super) fn run<const C: usize, const DEPTH: bool>(&self, records: &mut Vec<Record>) {
+    fn run<const C: usize, const DEPTH: bool>(&self, records: &mut Vec<Record>) {
         let lists = &self.image.lists;
         records.resize(lists.entries.len(), [0.0; 12]);
         let mut rest: &mut [Record] = records;
