@@ -350,3 +350,63 @@ fn the_coverage_of_several_transmitters_is_of_the_strongest() {
         assert_eq!(report["transmitters"][number]["cells_strongest"], n, "{report}");
     }
 }
+
+#[test]
+fn an_array_whose_elements_differ_is_that_of_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    // Responses to plane waves as a laboratory measures them about the array's centre: element 1 is dead, element 3 is turned by a right angle.
+    let own = [(1.0, 0.0), (0.0, 0.0), (0.8, 0.0), (1.0, std::f64::consts::FRAC_PI_2)];
+    let file = |name: &str, own: [(f64, f64); 4], sign: f64| {
+        let mut lines = String::from("elevation_deg,azimuth_deg,element,re,im\n");
+        for (elevation, azimuth) in (-90..=90).step_by(10).flat_map(|e| (-180..180).step_by(10).map(move |a| (e, a))) {
+            let [e, a] = [elevation, azimuth].map(|angle: i32| f64::from(angle).to_radians());
+            for (m, (amplitude, phase)) in own.iter().enumerate() {
+                let (y, z) = ((m / 2) as f64 - 0.5, 0.5 - (m % 2) as f64);
+                let place = std::f64::consts::PI * (y * e.cos() * a.sin() + z * e.sin());
+                let (sin, cos) = (sign * (place + phase)).sin_cos();
+                lines.push_str(&format!("{elevation},{azimuth},{m},{},{}\n", amplitude * cos, amplitude * sin));
+            }
+        }
+        fs::write(folder.path().join(name), lines).unwrap();
+    };
+    let scene = |receiver: &str| room_with_pillar(folder.path(), [1.0, 1.0, 2.0], &format!("[receiver]\nrows = 2\ncols = 2\n{receiver}\n"));
+    let matrix = |receiver: &str| -> Vec<[f64; 2]> {
+        let scene = scene(receiver);
+        let asked = ["paths", text(&scene), "--rx", "5,4,1.5", "--depth", "2", "--rx-array", "2x2", "--bandwidth", "400e6"];
+        let link: Value = serde_json::from_str(&corf_ok(&asked)).unwrap();
+        serde_json::from_value(link["channel_matrix"]["h"].clone()).unwrap()
+    };
+    let plain = matrix("");
+    file("uneven.csv", own, 1.0);
+    let uneven = matrix("pattern = { file = \"uneven.csv\" }");
+    for (m, (amplitude, phase)) in own.into_iter().enumerate() {
+        let ([re, im], (sin, cos)) = (plain[m], phase.sin_cos());
+        let expected = [amplitude * (re * cos - im * sin), amplitude * (re * sin + im * cos)];
+        let off = (uneven[m][0] - expected[0]).hypot(uneven[m][1] - expected[1]);
+        assert!(off < 1e-6 * re.hypot(im), "{m}: {:?} {expected:?}", uneven[m]);
+    }
+
+    // Elements that are alike form the spectrum of isotropic ones; a dead one changes it.
+    file("alike.csv", [(1.0, 0.0); 4], 1.0);
+    let spectrum = |receiver: &str| {
+        let (scene, out) = (scene(receiver), folder.path().join("spectrum"));
+        let asked = ["spectrum", text(&scene), "--rx", "5,4,1.5", "--out", text(&out), "--size", "24x16", "--kind", "bartlett", "--depth", "2"];
+        corf_ok(&[&asked[..], &["--no-diffuse"]].concat());
+        let linear = corf_scene::io::read_exr_f32(out.join("bartlett.exr")).unwrap();
+        fs::remove_dir_all(out).unwrap();
+        linear.pixels().to_vec()
+    };
+    let [plain, alike, uneven] = ["", "pattern = { file = \"alike.csv\" }", "pattern = { file = \"uneven.csv\" }"].map(spectrum);
+    let peak = plain.iter().copied().fold(0f32, f32::max);
+    let differ = |other: &[f32]| plain.iter().zip(other).map(|(a, b)| (a - b).abs()).fold(0f32, f32::max) / peak;
+    assert!(differ(&alike) < 1e-5 && differ(&uneven) > 0.1, "{} {}", differ(&alike), differ(&uneven));
+
+    // What is not this array's file is refused before anything is traced.
+    let refused = |receiver: &str, words: &[&str]| corf_refuses(&["paths", text(&scene(receiver)), "--rx", "5,4,1.5"], words);
+    file("conjugate.csv", own, -1.0);
+    refused("pattern = { file = \"conjugate.csv\" }", &["conjugate.csv", "e^{-jωt}"]);
+    refused("pattern = { file = \"alike.csv\", phases = \"element\" }", &["alike.csv", "phases = \"array\""]);
+    refused("pattern = { file = \"alike.csv\" }\nspacing_wavelengths = 0.5\n[transmitters.b]\nposition_m = [1, 1, 1]\npattern = { file = \"alike.csv\" }", &["[receiver]"]);
+    let other = text(&scene("pattern = { file = \"alike.csv\" }")).to_owned();
+    corf_refuses(&["paths", &other, "--rx", "5,4,1.5", "--rx-array", "2x3"], &["2x2 elements", "2x3 elements"]);
+}

@@ -22,7 +22,7 @@ use corf_raytrace::radio::{
     Search, Solids, Transmitter,
 };
 use corf_raytrace::sensor::{geometry_warnings, open_edges_note};
-use corf_scene::config::{Orientation, SceneConfig, SpectrumConfig, read_toml};
+use corf_scene::config::{ElementGrid, Orientation, SceneConfig, SpectrumConfig, read_toml};
 use corf_scene::mounting::{Mount, Surfaces};
 use corf_scene::near_field::SPEED_OF_LIGHT;
 use corf_scene::{Error, Scene, bounds, near_field};
@@ -260,9 +260,19 @@ impl LinkSetup {
         let mut link: LinkConfig = arguments.config.as_ref().map(read_toml).transpose()?.unwrap_or_default();
         if let Some(path) = &arguments.config {
             let folder = path.parent().unwrap_or(Path::new(""));
-            for (end, array) in [("transmitter", &mut link.transmitter), ("receiver", &mut link.receiver)] {
+            let receiver = grid_of(
+                &link.receiver,
+                rx_grid,
+                config.receiver.spacing_wavelengths,
+                &format!("{}: [receiver]", path.display()),
+            )?;
+            let receiver =
+                ElementGrid { rows: receiver.rows, cols: receiver.columns, spacing_wavelengths: receiver.spacing_wavelengths };
+            for (end, array, elements) in
+                [("transmitter", &mut link.transmitter, None), ("receiver", &mut link.receiver, Some(receiver))]
+            {
                 let place = format!("{}: {end}.pattern", path.display());
-                array.pattern = array.pattern.map(|pattern| pattern.read(folder, &place)).transpose()?;
+                array.pattern = array.pattern.map(|pattern| pattern.read(folder, &place, elements)).transpose()?;
             }
         }
         path_args_over!(arguments.paths, link);
@@ -458,13 +468,8 @@ impl LinkSetup {
     }
 }
 
-/// The array asked for, of the scene's elements at the scene's spacing. One element keeps the scene's beam; the ports of several are no beam.
-fn array(
-    given: &LinkArray,
-    grid: Option<ArraySizeArg>,
-    (scene, spacing): (Antenna, [f64; 2]),
-    place: &str,
-) -> Result<AntennaArray> {
+/// The grid of elements asked for, at the scene's spacing where none is given.
+fn grid_of(given: &LinkArray, grid: Option<ArraySizeArg>, spacing: [f64; 2], place: &str) -> Result<PlanarArray> {
     let rows = grid.map_or(given.rows.unwrap_or(1), |g| g.rows);
     let columns = grid.map_or(given.cols.unwrap_or(1), |g| g.columns);
     let spacing_wavelengths = match given.spacing_wavelengths {
@@ -479,7 +484,18 @@ fn array(
         let help = format!("give rows and cols from 1 to {MAX_SIDE}, {MAX_ELEMENTS} elements in all, and spacings above 0");
         return Err(Error::invalid(place, what, help).into());
     }
-    let several = rows * columns > 1;
+    Ok(PlanarArray { rows, columns, spacing_wavelengths })
+}
+
+/// The array asked for, of the scene's elements at the scene's spacing. One element keeps the scene's beam; the ports of several are no beam.
+fn array(
+    given: &LinkArray,
+    grid: Option<ArraySizeArg>,
+    (scene, spacing): (Antenna, [f64; 2]),
+    place: &str,
+) -> Result<AntennaArray> {
+    let grid = grid_of(given, grid, spacing, place)?;
+    let several = grid.elements() > 1;
     if let Some(orientation) = given.orientation {
         orientation.validate(&format!("{place}.orientation"))?;
     }
@@ -492,7 +508,17 @@ fn array(
     if !element.world_from_antenna.is_finite() {
         return Err(Error::invalid(place, "its orientation is not finite", "give yaw_deg, pitch_deg, roll_deg in degrees").into());
     }
-    Ok(AntennaArray { element, grid: PlanarArray { rows, columns, spacing_wavelengths } })
+    if let Some(elements) = element.pattern.elements() {
+        let PlanarArray { rows, columns, spacing_wavelengths } = grid;
+        if several {
+            elements.check_array(&ElementGrid { rows, cols: columns, spacing_wavelengths }, &format!("{place}.pattern"))?;
+        } else if elements.array.count() > 1 {
+            note!(
+                "{place}: elements have a response each; a link of one element has the mean of their gains (--rx-array for all of them)"
+            );
+        }
+    }
+    Ok(AntennaArray { element, grid })
 }
 
 #[cfg(test)]

@@ -22,6 +22,7 @@ mod tracer;
 pub use corf_scene::solids::{Parting, Solids};
 pub use diffraction::{DiffractionModel, Wedge, transition};
 pub use diffuse::{DiffuseField, DiffuseSettings, WorldExtent};
+pub(crate) use field::antenna::over_mean_gain;
 pub use field::antenna::{Angles, Antenna, AntennaArray, AntennaPattern, Beam, PlanarArray, Polarization};
 pub use field::complex::Complex;
 pub use field::materials::Slab;

@@ -1,5 +1,6 @@
 //! Conventional beamforming: what an array measures when a beam is steered at every direction.
 
+use super::hermitian::Hermitian;
 use super::lags::LagForm;
 use super::snapshots::Aperture;
 use crate::radio::{Arrival, PlanarArray};
@@ -18,17 +19,24 @@ impl Bartlett {
     ///
     /// `world_from_array`: boresight +x, columns along +y, rows down −z.
     pub fn new(arrivals: &[Arrival], array: PlanarArray, world_from_array: DMat3, rear: RearHalfSpace) -> Self {
-        Self::noncoherent(&Aperture { array, world_from_array, rear }, arrivals)
+        Self::noncoherent(&Aperture { array, world_from_array, rear, elements: None }, arrivals)
     }
 
     pub(super) fn noncoherent(aperture: &Aperture, arrivals: &[Arrival]) -> Self {
+        if aperture.elements.is_some() {
+            let covariance = aperture.mean_covariance(arrivals);
+            return Self::of(aperture, &covariance);
+        }
         let waves: Vec<(DVec3, f64)> = arrivals.iter().filter_map(|a| Some((aperture.seen(a)?, a.power))).collect();
         Self { form: LagForm::of_waves(aperture.array, &waves), elements2: (aperture.array.elements() as f64).powi(2) }
     }
 
     /// P(u) = Σ_l |v(u)ᴴx_l|² / N²: coherent within a delay tap of 1/B, noncoherent over taps and over looks (pairs of antenna ports).
     pub(super) fn coherent(aperture: &Aperture, port_pairs: &[Vec<Arrival>], bandwidth_hz: f64, seed: u64) -> Self {
-        let covariance = aperture.covariance(port_pairs, bandwidth_hz, seed);
+        Self::of(aperture, &aperture.covariance(port_pairs, bandwidth_hz, seed))
+    }
+
+    fn of(aperture: &Aperture, covariance: &Hermitian) -> Self {
         Self {
             form: LagForm::of_matrix(aperture.array, covariance.entries()),
             elements2: (aperture.array.elements() as f64).powi(2),

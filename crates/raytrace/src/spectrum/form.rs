@@ -4,7 +4,7 @@ use super::mvdr::Mvdr;
 use super::snapshots::Aperture;
 use super::{Bartlett, Grid, mpc};
 use crate::radio::{Arrival, PlanarArray};
-use corf_scene::config::{RearHalfSpace, ReceiverConfig, SpectrumConfig, SpectrumKind};
+use corf_scene::config::{Elements, RearHalfSpace, ReceiverConfig, SpectrumConfig, SpectrumKind};
 use corf_scene::model::{ARRAY_FROM_CAMERA, world_from_array};
 use corf_scene::{Raster, Rigid3};
 use glam::DVec3;
@@ -17,6 +17,8 @@ pub struct SpectrumSettings {
     pub kind: SpectrumKind,
     /// The elements, in the platform's array frame; `mpc` needs none.
     pub array: PlanarArray,
+    /// Responses of the elements, where each has its own; beams are steered by the phases of their places all the same.
+    pub elements: Option<Elements>,
     /// Treatment of arrivals from behind the array; without effect on `mpc`, which knows every arrival's direction.
     pub rear: RearHalfSpace,
     /// Standard deviation of an `mpc` lobe, degrees per axis.
@@ -35,6 +37,7 @@ impl SpectrumSettings {
         Self {
             kind: radio.spectrum,
             array: PlanarArray::from(receiver),
+            elements: receiver.pattern.elements(),
             rear: receiver.rear,
             lobe_width_deg: radio.lobe_width_deg,
             bandwidth_hz: radio.bandwidth_hz,
@@ -49,7 +52,12 @@ impl SpectrumSettings {
     pub fn form(&self, port_pairs: &[Vec<Arrival>], grid: impl Into<Grid>, world_from_camera: &Rigid3) -> Raster<f32> {
         let grid: Grid = grid.into();
         let array_from_camera = ARRAY_FROM_CAMERA.rotation;
-        let aperture = Aperture { array: self.array, world_from_array: world_from_array(world_from_camera), rear: self.rear };
+        let aperture = Aperture {
+            array: self.array,
+            world_from_array: world_from_array(world_from_camera),
+            rear: self.rear,
+            elements: self.elements,
+        };
         let evaluate = |power: &(dyn Fn(DVec3) -> f64 + Sync)| {
             let at = |u: DVec3| if self.rear == RearHalfSpace::Gated && u.x <= 0.0 { 0.0 } else { power(u) };
             let pixels = grid.directions().into_par_iter().map(|d| at(array_from_camera * d) as f32).collect();

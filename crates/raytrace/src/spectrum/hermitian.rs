@@ -27,6 +27,12 @@ impl Hermitian {
         Self { n, entries }
     }
 
+    /// The sum with another of the same size.
+    pub fn plus(mut self, other: Self) -> Self {
+        self.entries.iter_mut().zip(other.entries).for_each(|(a, b)| *a = *a + b);
+        self
+    }
+
     /// All entries, by rows.
     pub fn entries(&self) -> &[Complex] {
         &self.entries

@@ -1,9 +1,9 @@
 //! Array snapshots: the complex signals received by the elements of an array, one vector for each delay tap.
 
 use super::hermitian::Hermitian;
-use crate::radio::{Arrival, Complex, PlanarArray};
+use crate::radio::{Arrival, Complex, PlanarArray, over_mean_gain};
 use corf_scene::Rng;
-use corf_scene::config::RearHalfSpace;
+use corf_scene::config::{Elements, RearHalfSpace};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
@@ -18,6 +18,8 @@ pub(super) struct Aperture {
     pub array: PlanarArray,
     pub world_from_array: DMat3,
     pub rear: RearHalfSpace,
+    /// Where each element has a response of its own.
+    pub elements: Option<Elements>,
 }
 
 impl Aperture {
@@ -31,6 +33,21 @@ impl Aperture {
     pub fn covariance(&self, port_pairs: &[Vec<Arrival>], bandwidth_hz: f64, seed: u64) -> Hermitian {
         let snapshots: Vec<Vec<Complex>> = port_pairs.iter().flat_map(|look| self.snapshots(look, bandwidth_hz, seed)).collect();
         Hermitian::sum_of_products(self.array.elements(), &snapshots)
+    }
+
+    /// R = Σ |a|²·x xᴴ with x = h(u)∘v(u), wave by wave: the mean over the arrivals' phases.
+    pub fn mean_covariance(&self, arrivals: &[Arrival]) -> Hermitian {
+        let n = self.array.elements();
+        arrivals
+            .par_chunks(ARRIVALS_PER_TASK)
+            .map(|chunk| {
+                let seen = chunk.iter().filter_map(|a| Some((0, self.seen(a)?, Complex::real(a.power.sqrt()))));
+                let vectors: Vec<Vec<Complex>> = seen.map(|wave| self.field(&[wave])).collect();
+                Hermitian::sum_of_products(n, &vectors)
+            })
+            .collect::<Vec<_>>()
+            .into_iter()
+            .fold(Hermitian::sum_of_products(n, &[]), Hermitian::plus)
     }
 
     /// x_l = Σ a·e^{−j2πfτ}·v(u) over the arrivals nearest to delay l/B: one vector a tap that receives anything, by delay. An arrival
@@ -59,20 +76,24 @@ impl Aperture {
             .collect()
     }
 
-    /// Σ gain·v(u), element by element.
+    /// Σ gain·h(u)∘v(u), element by element; h is 1 where elements are alike.
     fn field(&self, waves: &[(i64, DVec3, Complex)]) -> Vec<Complex> {
         let (columns, rows) = (self.array.columns, self.array.rows);
         let mut x = vec![Complex::ZERO; columns * rows];
+        let mut responses = vec![Complex::ONE; x.len()];
         for &(_, u, gain) in waves {
+            if let Some(elements) = self.elements {
+                over_mean_gain(elements, u, |m, response| responses[m] = response);
+            }
             let [y, z] = self.array.phase_steps(u);
             // The first element is the left-most and highest in index order: y = −(C−1)/2, z = +(R−1)/2.
             let first = 0.5 * ((rows as f64 - 1.0) * z - (columns as f64 - 1.0) * y);
             let (step_y, step_z) = (Complex::new(0.0, y).exp(), Complex::new(0.0, -z).exp());
             let mut column = gain * Complex::new(0.0, first).exp();
-            for elements in x.chunks_mut(rows) {
+            for (elements, responses) in x.chunks_mut(rows).zip(responses.chunks(rows)) {
                 let mut term = column;
-                for element in elements {
-                    *element = *element + term;
+                for (element, response) in elements.iter_mut().zip(responses) {
+                    *element = *element + if self.elements.is_some() { term * *response } else { term };
                     term = term * step_z;
                 }
                 column = column * step_y;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::radio::{Antenna, Complex, Path, PlanarArray, Polarization};
-use corf_scene::config::SpectrumKind;
+use corf_scene::config::{ElementGrid, Elements, SpectrumKind};
 use corf_scene::{Equirectangular, Rng};
 use glam::{DMat3, DVec3};
 use std::f64::consts::{PI, TAU};
@@ -18,6 +18,7 @@ fn settings(kind: SpectrumKind) -> SpectrumSettings {
     SpectrumSettings {
         kind,
         array: PlanarArray::default(),
+        elements: None,
         rear: RearHalfSpace::Gated,
         lobe_width_deg: 1.0,
         bandwidth_hz: 1e9,
@@ -324,4 +325,93 @@ fn the_share_in_frame_counts_power() {
     ];
     assert_eq!(share_in_frame(&arrivals, &camera, &ahead()), 0.5);
     assert_eq!(share_in_frame(&[], &camera, &ahead()), 0.0);
+}
+
+/// Responses of elements by number and direction, as a file of five degrees has them, counted from each element's own place.
+fn elements(array: PlanarArray, response: impl Fn(usize, DVec3) -> Complex) -> Elements {
+    let mut text = "elevation_deg,azimuth_deg,element,re,im\n".to_owned();
+    for (elevation, azimuth) in (-90..=90).step_by(5).flat_map(|e| (-180..180).step_by(5).map(move |a| (e, a))) {
+        let u = at(f64::from(azimuth), f64::from(elevation));
+        for m in 0..array.elements() {
+            let Complex { re, im } = response(m, u);
+            text += &format!("{elevation},{azimuth},{m},{re},{im}\n");
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("e.csv"), text).unwrap();
+    let config = "pattern = { file = \"e.csv\", phases = \"element\" }";
+    let receiver: corf_scene::config::ReceiverConfig = corf_scene::config::from_toml(config, "t.toml").unwrap();
+    let PlanarArray { rows, columns, spacing_wavelengths } = array;
+    let grid = ElementGrid { rows, cols: columns, spacing_wavelengths };
+    receiver.pattern.read(folder.path(), "receiver.pattern", Some(grid)).unwrap().elements().unwrap()
+}
+
+/// A 3×2 array whose elements differ in amplitude and phase, also by direction.
+fn uneven() -> (PlanarArray, Elements) {
+    let array = PlanarArray { rows: 3, columns: 2, spacing_wavelengths: [0.5, 0.6] };
+    let response = |m: usize, u: DVec3| {
+        let m = m as f64;
+        Complex::new(0.0, 0.4 * m + 0.3 * m * u.y).exp() * (0.3 + 0.1 * m + 0.1 * u.z)
+    };
+    (array, elements(array, response))
+}
+
+#[test]
+fn elements_that_are_alike_form_the_spectrum_of_such_elements() {
+    let array = PlanarArray { rows: 3, columns: 2, spacing_wavelengths: [0.5, 0.6] };
+    // A constant that all share is in the arrivals' powers, not in the beams.
+    let alike = elements(array, |_, _| Complex::new(0.6, -0.5));
+    let port_pairs = [vec![resolved(at(20.0, 5.0), 3e-9, 20e-9, 1.0), resolved(at(-40.0, 12.0), 1e-9, 33e-9, 0.3)]];
+    for kind in [SpectrumKind::Mpc, SpectrumKind::Bartlett, SpectrumKind::BartlettCoherent, SpectrumKind::Mvdr] {
+        let plain = SpectrumSettings { array, ..settings(kind) };
+        let own = SpectrumSettings { elements: Some(alike), ..plain };
+        for (azimuth, elevation) in [(20.0, 5.0), (0.0, 0.0), (-60.0, 30.0)] {
+            let [a, b] = [plain, own].map(|s| value(&s, &port_pairs, centre(azimuth, elevation)));
+            assert!((a / b - 1.0).abs() < 1e-5, "{kind:?}: {a:e} {b:e}");
+        }
+    }
+}
+
+#[test]
+fn a_beam_of_elements_that_differ_is_the_sum_of_what_each_receives() {
+    let (array, uneven) = uneven();
+    // On the file's grid, where nothing is interpolated; the power that arrives has the mean gain.
+    let (from, p) = (at(20.0, -10.0), 2e-9);
+    let mut responses = vec![Complex::ZERO; 6];
+    uneven.each(from, |m, [re, im]| responses[m] = Complex::new(re, im));
+    let port_pairs = [vec![resolved(from, p * uneven.gain(from), 30e-9, 0.7)]];
+    for kind in [SpectrumKind::Bartlett, SpectrumKind::BartlettCoherent] {
+        let s = SpectrumSettings { array, elements: Some(uneven), ..settings(kind) };
+        for u in [centre(20.0, -10.0), centre(0.0, 0.0), centre(-50.0, 25.0)] {
+            let received = array.steering(from).into_iter().zip(&responses).map(|(v, f)| v * *f);
+            let beam = array.steering(u).into_iter().zip(received);
+            let sum = beam.fold(Complex::ZERO, |sum, (w, x)| sum + Complex::new(w.re, -w.im) * x);
+            let (expected, found) = (p * sum.norm_squared() / 36.0, value(&s, &port_pairs, u));
+            assert!((found / expected - 1.0).abs() < 1e-5, "{kind:?} {u}: {found:e} {expected:e}");
+        }
+    }
+    // A dead element of six leaves (5/6)² of a beam that points at the wave.
+    let dead = elements(array, |m, _| if m == 4 { Complex::ZERO } else { Complex::ONE });
+    let at_beam = centre(10.0, 5.0);
+    let s = SpectrumSettings { array, elements: Some(dead), ..settings(SpectrumKind::Bartlett) };
+    let found = value(&s, &[vec![resolved(at_beam, p * dead.gain(at_beam), 30e-9, 0.0)]], at_beam);
+    assert!((found / (p * 25.0 / 36.0) - 1.0).abs() < 1e-5, "{found:e}");
+}
+
+#[test]
+fn a_channel_has_what_each_element_responds() {
+    let (grid, uneven) = uneven();
+    let element = Antenna { pattern: corf_scene::config::AntennaPattern::Elements(uneven), ..Antenna::default() };
+    let array = crate::radio::AntennaArray { element, grid };
+    let u = at(-15.0, 35.0);
+    // Port field and steering vector together are the responses at the elements' places.
+    let amplitude = element.port_field(0, u).length();
+    let (steered, plain) = (array.steering(u), grid.steering(u));
+    uneven.each(u, |m, [re, im]| {
+        let expected = plain[m] * Complex::new(re, im);
+        assert!((steered[m] * amplitude - expected).norm() < 1e-12, "{m}");
+    });
+    // One element of them has the mean gain and no phase.
+    let single = crate::radio::AntennaArray::single(element);
+    assert!((single.steering(u)[0] - Complex::ONE).norm() < 1e-15);
 }

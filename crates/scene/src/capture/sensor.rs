@@ -78,7 +78,7 @@ impl SensorOptions {
         )?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let place = format!("{}: receiver.pattern", path.display());
-        read.receiver.pattern = read.receiver.pattern.map(|pattern| pattern.read(folder, &place)).transpose()?;
+        read.receiver.pattern = read.receiver.pattern.map(|pattern| pattern.read(folder, &place, None)).transpose()?;
         Ok(read)
     }
 

@@ -1,6 +1,6 @@
 //! The antennas of a scene file: `[transmitter]`, `[transmitters.NAME]` and `[receiver]`.
 
-use super::pattern::AntennaPattern;
+use super::pattern::{AntennaPattern, ElementGrid};
 use crate::{Error, Result, bounds};
 use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
@@ -66,7 +66,7 @@ pub struct ReceiverConfig {
     #[serde(with = "spacing")]
     #[schemars(with = "[f64; 2]")]
     pub spacing_wavelengths: [f64; 2],
-    /// Element pattern.
+    /// Element pattern, or the file of each element's own complex response.
     pub pattern: AntennaPattern,
     /// Polarisation.
     pub polarization: Polarization,
@@ -178,6 +178,10 @@ impl TransmitterConfig {
         self.orientation.validate(&format!("{place}.orientation"))?;
         check_elements(self.rows, self.cols, self.spacing_wavelengths, place)?;
         self.pattern.check_read(&format!("{place}.pattern"))?;
+        if self.pattern.elements().is_some() {
+            let help = "give a pattern that all elements share: gain over tilt and pan";
+            return Err(Error::invalid(format!("{place}.pattern"), "elements one by one are a receiver's alone", help));
+        }
         let Some(beam) = self.beam else { return Ok(()) };
         if self.rows * self.cols == 1 {
             return Err(Error::invalid(
@@ -198,9 +202,24 @@ impl TransmitterConfig {
 }
 
 impl ReceiverConfig {
+    /// The places of its elements.
+    pub fn elements(&self) -> ElementGrid {
+        ElementGrid { rows: self.rows, cols: self.cols, spacing_wavelengths: self.spacing_wavelengths }
+    }
+
     pub(crate) fn validate(&self, place: &str) -> Result<()> {
-        check_elements(self.rows, self.cols, self.spacing_wavelengths, place)?;
-        self.pattern.check_read(&format!("{place}.pattern"))
+        self.check_elements(place)?;
+        let place = format!("{place}.pattern");
+        self.pattern.check_read(&place)?;
+        self.pattern.elements().map_or(Ok(()), |elements| elements.check_array(&self.elements(), &place))
+    }
+
+    /// Checks the grid of elements; `place` names the table.
+    ///
+    /// # Errors
+    /// No elements, too many, or a spacing that is none.
+    pub(super) fn check_elements(&self, place: &str) -> Result<()> {
+        check_elements(self.rows, self.cols, self.spacing_wavelengths, place)
     }
 }
 

@@ -14,6 +14,6 @@ pub use crate::import::UpAxis;
 pub use antenna::{BeamConfig, Orientation, Polarization, RearHalfSpace, ReceiverConfig, TransmitterConfig};
 pub use dataset::{DatasetConfig, Denoiser, LightConfig, LightMethod, SplitConfig};
 pub use load::{from_toml, help_with_name, read_toml};
-pub use pattern::{AntennaPattern, PatternFile, Sampled, SampledPattern};
+pub use pattern::{AntennaPattern, ElementGrid, ElementResponses, Elements, PatternFile, Sampled, SampledPattern};
 pub use scene::{RadioConfig, SceneConfig, SceneFile};
 pub use spectrum::{SpectrumConfig, SpectrumKind};

@@ -92,11 +92,12 @@ impl SceneConfig {
         let folder = self.source.parent().unwrap_or(Path::new("")).to_path_buf();
         let file = self.source.display().to_string();
         let named = self.transmitters.iter_mut().map(|(name, t)| (format!("transmitters.{name}"), &mut t.pattern));
-        let own =
-            [("transmitter".to_owned(), &mut self.transmitter.pattern), ("receiver".to_owned(), &mut self.receiver.pattern)];
-        for (key, pattern) in own.into_iter().chain(named) {
-            *pattern = pattern.read(&folder, &format!("{file}: {key}.pattern"))?;
+        for (key, pattern) in std::iter::once(("transmitter".to_owned(), &mut self.transmitter.pattern)).chain(named) {
+            *pattern = pattern.read(&folder, &format!("{file}: {key}.pattern"), None)?;
         }
+        let receiver = &mut self.receiver;
+        receiver.check_elements(&format!("{file}: receiver"))?;
+        receiver.pattern = receiver.pattern.read(&folder, &format!("{file}: receiver.pattern"), Some(receiver.elements()))?;
         Ok(())
     }
 

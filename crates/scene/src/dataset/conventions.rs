@@ -276,7 +276,12 @@ fn antennas(header: &DatasetHeader) -> Vec<(&'static str, String)> {
         ),
         (
             "steering",
-            "v_m(u) = exp(+j 2 pi p_m.u), p_m in wavelengths, u from the array towards the source; isotropic elements".into(),
+            match rx.pattern.elements() {
+                None => "v_m(u) = exp(+j 2 pi p_m.u), p_m in wavelengths, u from the array towards the source; isotropic elements".into(),
+                Some(_) => "v_m(u) = exp(+j 2 pi p_m.u), p_m in wavelengths, u from the array towards the source, by which beams are steered; element m receives \
+                            a wave times h_m(u), its response in receiver.pattern over the root of the elements' mean gain"
+                    .into(),
+            },
         ),
         ("receiver_element", receiver_element),
         (

@@ -294,6 +294,9 @@ impl Method for CorfArray {
             (training.light_camera(), training.radio_camera(), training.required_db_range()?);
         let images = oracle_scene.as_ref().map(|path| self.images(&training.scene_behind(path)?, training)).transpose()?;
         let pattern = training.receiver().map_or(AntennaPattern::Iso, |receiver| receiver.pattern);
+        if pattern.elements().is_some() {
+            note!("corf-array: elements with a response each are taken to be alike, with the mean of their gains");
+        }
         let radio = ArrayTrainer::new(*radio, self.sensor(training)?, radio_camera, range, seed).of_elements(pattern);
         let radio = on_device(radio, &self.backend)?;
         let reconstruction = self.light(training)?.reconstruction;
@@ -364,7 +367,16 @@ mod tests {
             (SpectrumKind::Mvdr, RearHalfSpace::Aliased),
         ] {
             // Every arrival is in a delay tap of its own, so that none of them are coherent.
-            let made = SpectrumSettings { kind, array, rear, lobe_width_deg: 2.0, bandwidth_hz: 1e9, loading: 0.1, seed: 1 };
+            let made = SpectrumSettings {
+                kind,
+                array,
+                elements: None,
+                rear,
+                lobe_width_deg: 2.0,
+                bandwidth_hz: 1e9,
+                loading: 0.1,
+                seed: 1,
+            };
             let truth = made.form(std::slice::from_ref(&arrivals), &camera, &pose);
             let gated = rear == RearHalfSpace::Gated;
             let (elements, spacing_wavelengths) = ([8, 8], [0.5, 0.6]);

@@ -4,7 +4,7 @@
 
 use crate::radio::Complex;
 pub use corf_scene::config::{AntennaPattern, Polarization};
-use corf_scene::config::{ReceiverConfig, TransmitterConfig};
+use corf_scene::config::{Elements, ReceiverConfig, TransmitterConfig};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -214,10 +214,24 @@ impl AntennaArray {
         self.element.ports() * self.grid.elements()
     }
 
-    /// The steering vector of the grid for a unit direction in the world frame.
+    /// The steering vector of the grid for a unit direction in the world frame; of elements with a response each, times what each responds over the
+    /// root of their mean gain, which [`Antenna::port_field`] has.
     pub fn steering(&self, direction: DVec3) -> Vec<Complex> {
-        self.grid.steering(self.element.world_from_antenna.transpose() * direction)
+        let local = self.element.world_from_antenna.transpose() * direction;
+        let mut v = self.grid.steering(local);
+        if let Some(elements) = self.element.pattern.elements().filter(|elements| elements.array.count() == v.len()) {
+            over_mean_gain(elements, local, |m, response| v[m] = v[m] * response);
+        }
+        v
     }
+}
+
+/// Hands on what every element of an array responds towards a unit direction of its frame over the root of their mean gain, so that the mean of the
+/// squares is 1; 0 where none responds.
+pub(crate) fn over_mean_gain(elements: Elements, local: DVec3, mut each: impl FnMut(usize, Complex)) {
+    let gain = elements.gain(local);
+    let scale = if gain > 0.0 { 1.0 / gain.sqrt() } else { 0.0 };
+    elements.each(local, |m, [re, im]| each(m, Complex::new(re * scale, im * scale)));
 }
 
 /// All elements of an array fed with equal amplitudes, and with phases that make them add up towards one direction. The 1 W is shared

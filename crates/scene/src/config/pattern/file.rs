@@ -1,7 +1,7 @@
 //! Files of antenna patterns, as configurations name them.
 
 use serde::ser::SerializeMap;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 use std::sync::{Mutex, PoisonError};
 
 /// A pattern's file and how it is read.
@@ -9,8 +9,28 @@ use std::sync::{Mutex, PoisonError};
 pub struct PatternFile {
     /// Relative to the file that names it. Kept as long as the process runs, once.
     file: &'static str,
-    outside_db: Option<f64>,
-    normalize: bool,
+    settings: FileSettings,
+}
+
+/// How a pattern's file is read.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct FileSettings {
+    /// Gain beyond the file's grid, in the file's decibels.
+    pub outside_db: Option<f64>,
+    /// Whether its gains are shifted to a mean of 1 over the sphere.
+    pub normalize: bool,
+    /// What phases are counted from, where the file has some.
+    pub phases: Option<PhaseReference>,
+}
+
+/// What the phases of an array's elements are counted from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum PhaseReference {
+    /// One point for all, the array's centre: they hold the phases of the elements' places.
+    Array,
+    /// Each element's own place.
+    Element,
 }
 
 // What is not finite is refused before it is compared.
@@ -25,14 +45,14 @@ impl std::hash::Hash for PatternFile {
 static NAMES: Mutex<Vec<&'static str>> = Mutex::new(Vec::new());
 
 impl PatternFile {
-    pub(super) fn of(file: String, outside_db: Option<f64>, normalize: bool) -> Self {
+    pub(super) fn of(file: String, settings: FileSettings) -> Self {
         let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
         let file = names.iter().find(|name| **name == file).copied().unwrap_or_else(|| {
             let name: &'static str = Box::leak(file.into_boxed_str());
             names.push(name);
             name
         });
-        Self { file, outside_db, normalize }
+        Self { file, settings }
     }
 
     /// Its name, as it was given.
@@ -42,23 +62,31 @@ impl PatternFile {
 
     /// Gain beyond the file's grid, in the file's decibels.
     pub(super) fn outside_db(&self) -> Option<f64> {
-        self.outside_db
+        self.settings.outside_db
+    }
+
+    /// What its phases are counted from, where that is stated.
+    pub(super) fn phases(&self) -> Option<PhaseReference> {
+        self.settings.phases
     }
 
     pub(super) fn entries<M: SerializeMap>(&self, map: &mut M) -> Result<(), M::Error> {
         map.serialize_entry("file", self.file)?;
-        if let Some(outside_db) = self.outside_db {
+        if let Some(outside_db) = self.settings.outside_db {
             map.serialize_entry("outside_db", &outside_db)?;
         }
-        if self.normalize {
+        if self.settings.normalize {
             map.serialize_entry("normalize", &true)?;
+        }
+        if let Some(phases) = self.settings.phases {
+            map.serialize_entry("phases", &phases)?;
         }
         Ok(())
     }
 
     /// Whether its gains are shifted to a mean of 1 over the sphere.
     pub(super) fn is_normalized(&self) -> bool {
-        self.normalize
+        self.settings.normalize
     }
 }
 

@@ -1,10 +1,15 @@
 //! The pattern of an antenna element: built in, or sampled in a file.
 
+mod elements;
 mod file;
+mod grid;
 mod read;
+mod read_elements;
 mod sampled;
 
+pub use elements::{ElementGrid, ElementResponses, Elements};
 pub use file::PatternFile;
+use file::{FileSettings, PhaseReference};
 pub use sampled::{Sampled, SampledPattern};
 
 use crate::{Error, Result};
@@ -30,10 +35,12 @@ pub enum AntennaPattern {
     File(PatternFile),
     /// Gain over angles.
     Sampled(Sampled),
+    /// Complex responses over angles, each element's own; of receivers alone.
+    Elements(Elements),
 }
 
-/// An antenna element's pattern, in its own frame (boresight +x, zenith +z). Beside these names `{ file = "PATTERN.csv" }`: gain over angles, with
-/// `outside_db` and `normalize` (docs/radio-model.md, Patterns from files).
+/// An antenna element's pattern, in its own frame (boresight +x, zenith +z). Beside these names `{ file = "PATTERN.csv" }`: gain over angles, or of a
+/// receiver each element's complex response, with `outside_db`, `normalize` and `phases` (docs/radio-model.md, Patterns from files).
 #[derive(JsonSchema)]
 #[serde(rename_all = "lowercase")]
 #[allow(dead_code)]
@@ -49,7 +56,8 @@ enum BuiltIn {
 const NAMES: [&str; 3] = ["iso", "dipole", "tr38901"];
 
 impl AntennaPattern {
-    /// Amplitude towards the unit direction `local` of the antenna frame: the square root of the gain. Of a file that has not been read: not a number.
+    /// Amplitude towards the unit direction `local` of the antenna frame: the square root of the gain, of elements that differ of their mean gain. Of a
+    /// file that has not been read: not a number.
     pub fn amplitude(self, local: DVec3) -> f64 {
         match self {
             Self::Iso => 1.0,
@@ -64,6 +72,15 @@ impl AntennaPattern {
             }
             Self::File(_) => f64::NAN,
             Self::Sampled(pattern) => 10f64.powf(pattern.gain_db(local) / 20.0),
+            Self::Elements(elements) => elements.gain(local).sqrt(),
+        }
+    }
+
+    /// Responses of elements that differ.
+    pub fn elements(self) -> Option<Elements> {
+        match self {
+            Self::Elements(elements) => Some(elements),
+            _ => None,
         }
     }
 
@@ -72,13 +89,14 @@ impl AntennaPattern {
         !matches!(self, Self::Iso | Self::Dipole)
     }
 
-    /// The same with its file read, where it is of one; paths are relative to `folder`.
+    /// The same with its file read, where it is of one; paths are relative to `folder`. `array` are the places of a receiver's elements, whose
+    /// responses a file may have one by one; without it such a file is refused.
     ///
     /// # Errors
     /// A file that cannot be read or is no pattern; `place` names the key.
-    pub fn read(self, folder: &Path, place: &str) -> Result<Self> {
+    pub fn read(self, folder: &Path, place: &str, array: Option<ElementGrid>) -> Result<Self> {
         match self {
-            Self::File(file) => Ok(Self::Sampled(read::read(file, folder, place)?)),
+            Self::File(file) => read::read(file, folder, place, array),
             known => Ok(known),
         }
     }
@@ -110,6 +128,7 @@ impl Serialize for AntennaPattern {
             Self::Tr38901 => NAMES[2].serialize(serializer),
             Self::File(file) => file.serialize(serializer),
             Self::Sampled(pattern) => pattern.serialize(serializer),
+            Self::Elements(elements) => elements.serialize(serializer),
         }
     }
 }
@@ -154,16 +173,22 @@ struct Table {
     #[serde(default)]
     normalize: bool,
     #[serde(default)]
+    phases: Option<PhaseReference>,
+    #[serde(default)]
     read: Option<SampledPattern>,
+    #[serde(default)]
+    read_elements: Option<ElementResponses>,
 }
 
 impl Table {
     fn pattern(self) -> Result<AntennaPattern> {
-        let Self { file, outside_db, normalize, read } = self;
-        let file = PatternFile::of(file, outside_db, normalize);
-        match read {
-            None => Ok(AntennaPattern::File(file)),
-            Some(read) => Ok(AntennaPattern::Sampled(Sampled::of(file, read)?)),
+        let Self { file, outside_db, normalize, phases, read, read_elements } = self;
+        let file = PatternFile::of(file, FileSettings { outside_db, normalize, phases });
+        match (read, read_elements) {
+            (None, None) => Ok(AntennaPattern::File(file)),
+            (Some(read), None) => Ok(AntennaPattern::Sampled(Sampled::of(file, read)?)),
+            (None, Some(read)) => Ok(AntennaPattern::Elements(Elements::of(file, read)?)),
+            (Some(_), Some(_)) => Err(Error::invalid(file.name(), "read as a gain and as responses", "leave one of them out")),
         }
     }
 }
@@ -178,5 +203,7 @@ impl JsonSchema for AntennaPattern {
     }
 }
 
+#[cfg(test)]
+mod element_tests;
 #[cfg(test)]
 mod tests;

@@ -2,12 +2,13 @@
 
 use super::file::PatternFile;
 use super::sampled::{Sampled, SampledPattern};
+use super::{AntennaPattern, ElementGrid};
 use crate::{Error, Result, io};
 use std::collections::BTreeMap;
 use std::path::Path;
 
 /// A passive antenna radiates no more than it is fed; this much more is rounding and the grid's coarseness.
-const MOST_MEAN_GAIN: f64 = 1.05;
+pub(super) const MOST_MEAN_GAIN: f64 = 1.05;
 /// Share of a grid's samples that a file may lack.
 const MOST_HOLES: f64 = 0.01;
 /// Two cuts together lose at most this much under the peak, dB (3GPP TR 38.901, Table 7.3-1).
@@ -15,42 +16,120 @@ const CUTS_FLOOR_DB: f64 = 30.0;
 /// Angles this close are one, degrees.
 const SAME_DEG: f64 = 1e-6;
 
-/// Reads it.
+/// Reads it; `array` are the places of a receiver's elements.
 ///
 /// # Errors
 /// A file that cannot be read or is of another form, a part of the sphere of which nothing is said, more power than an antenna is fed; `place`
 /// names the key.
-pub(super) fn read(file: PatternFile, folder: &Path, place: &str) -> Result<Sampled> {
+pub(super) fn read(file: PatternFile, folder: &Path, place: &str, array: Option<ElementGrid>) -> Result<AntennaPattern> {
     let path = folder.join(file.name());
     let name = path.display().to_string();
     if let Some(outside_db) = file.outside_db().filter(|v| !(-300.0..=100.0).contains(v)) {
         return Err(Error::invalid(format!("{place}.outside_db"), format!("{outside_db} dB"), "give decibels, from -300 to 100"));
     }
     let text = io::read_text(&path)?;
-    let mut pattern = parse(&text, &name)?;
-    pattern.sha256 = io::sha256_hex(text.as_bytes());
-    pattern.check(&name)?;
-    if !pattern.covers_sphere() && file.outside_db().is_none() {
-        let [t, p] = [&pattern.tilt_deg, &pattern.pan_deg].map(|a| (a[0], a[a.len() - 1]));
-        let what = format!(
-            "covers tilts from {:.2} to {:.2} and pans from {:.2} to {:.2} degrees, and nothing says what is beyond",
-            t.0, t.1, p.0, p.1
-        );
-        let help = "say the gain beyond it in the file's decibels, outside_db = -30 (or, of measurements in decibels of a receiver, its noise)";
-        return Err(Error::invalid(name, what, help));
+    let (table, sha256) = (Table::of(&text, &name)?, io::sha256_hex(text.as_bytes()));
+    if table.names.iter().any(|n| n == "element") {
+        let Some(array) = array else {
+            let what = "has the responses of an array's elements one by one, which are read of a scene's [receiver] and of `corf paths --config` alone";
+            return Err(Error::invalid(name, what, "give a pattern that all elements share: gain over tilt and pan"));
+        };
+        return Ok(AntennaPattern::Elements(super::read_elements::read(&table, file, sha256, array)?));
     }
+    if file.phases().is_some() {
+        let help = "leave it out: phases are counted from somewhere in files with a column element alone";
+        return Err(Error::invalid(format!("{place}.phases"), format!("{name} has gains alone"), help));
+    }
+    let mut pattern = parse(&table)?;
+    pattern.sha256 = sha256;
+    pattern.check(&name)?;
+    pattern.grid().check_outside(file.outside_db(), &name)?;
     let mean = Sampled::mean_gain(&pattern, file.outside_db());
     if file.is_normalized() {
         (pattern.shift_db, pattern.mean_gain) = (-10.0 * mean.log10(), 1.0);
     } else if mean > MOST_MEAN_GAIN {
         let what = format!("its mean gain over the sphere is {mean:.3}: it would radiate more than it is fed");
-        let help = "give gains in dBi, or shift them so that the mean is 1 with normalize = true (directivity, without losses)";
-        return Err(Error::invalid(name, what, help));
+        return Err(Error::invalid(name, what, TOO_MUCH));
     } else {
         pattern.mean_gain = mean;
     }
-    Sampled::of(file, pattern)
+    Ok(AntennaPattern::Sampled(Sampled::of(file, pattern)?))
 }
+
+/// What to do about more power than an antenna is fed.
+pub(super) const TOO_MUCH: &str =
+    "give gains in dBi, or shift them so that the mean is 1 with normalize = true (directivity, without losses)";
+
+/// A file's lines under its line of names.
+pub(super) struct Table<'t> {
+    /// The file, for messages.
+    pub name: &'t str,
+    /// Lower case.
+    pub names: Vec<String>,
+    /// Number of the line, and its values.
+    pub rows: Vec<(usize, Vec<&'t str>)>,
+}
+
+impl<'t> Table<'t> {
+    fn of(text: &'t str, name: &'t str) -> Result<Self> {
+        let mut lines =
+            text.trim_start_matches('\u{feff}').lines().enumerate().filter(|(_, l)| !l.trim().is_empty() && !l.starts_with('#'));
+        let Some((_, head)) = lines.next() else { return Err(Error::invalid(name, "it is empty", HELP)) };
+        let names: Vec<String> = head.split(',').map(|n| n.trim().trim_matches('"').to_ascii_lowercase()).collect();
+        let mut rows: Vec<(usize, Vec<&str>)> = vec![];
+        for (i, line) in lines {
+            let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+            if cells.len() != names.len() {
+                let what = format!("{} values under {} names", cells.len(), names.len());
+                return Err(Error::invalid(format!("{name}:{}", i + 1), what, HELP));
+            }
+            rows.push((i + 1, cells));
+        }
+        Ok(Self { name, names, rows })
+    }
+
+    pub fn fail(&self, what: impl Into<String>) -> Error {
+        Error::invalid(self.name, what, HELP)
+    }
+
+    /// A line as messages name it.
+    pub fn line(&self, line: usize) -> String {
+        format!("{}:{line}", self.name)
+    }
+
+    pub fn number(&self, line: usize, cell: &str) -> Result<f64> {
+        let value = cell.parse::<f64>().ok().filter(|v| v.is_finite());
+        value.ok_or_else(|| Error::invalid(self.line(line), format!("\"{cell}\" is no finite number"), HELP))
+    }
+
+    /// Refuses columns whose unit cannot be meant: a pattern of no more than a few degrees, or angles beyond a turn of radians.
+    pub fn check_units(&self, columns: &[(usize, Angle)]) -> Result<()> {
+        for unit in ["degrees", "radians"] {
+            let of_unit = || columns.iter().filter(|(_, angle)| (angle.degrees == 1.0) == (unit == "degrees"));
+            if of_unit().next().is_none() || self.rows.is_empty() {
+                continue;
+            }
+            let mut most = 0f64;
+            for (line, cells) in &self.rows {
+                for (column, _) in of_unit() {
+                    most = most.max(self.number(*line, cells[*column])?.abs());
+                }
+            }
+            let (wrong, other, ending) = match unit {
+                "degrees" => (most > 0.0 && most <= A_TURN_RAD, "radians", "_rad"),
+                _ => (most > A_TURN_RAD, "degrees", "_deg"),
+            };
+            if wrong {
+                let what = format!("its angles in {unit} reach {most:.4} at most: they look like {other}");
+                return Err(Error::invalid(self.name, what, format!("name the columns by their unit, with the ending {ending}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A turn and a little, radians.
+const A_TURN_RAD: f64 = 6.3;
 
 /// Columns of a table of gains.
 struct Columns {
@@ -61,85 +140,67 @@ struct Columns {
 
 /// Unit and zero of an angle.
 #[derive(Clone, Copy)]
-struct Angle {
-    degrees: f64,
+pub(super) struct Angle {
+    pub degrees: f64,
     /// From the zenith down.
-    zenith: bool,
+    pub zenith: bool,
 }
 
 impl Angle {
-    fn of(self, value: f64) -> f64 {
+    pub fn of(self, value: f64) -> f64 {
         let degrees = value * self.degrees;
         if self.zenith { 90.0 - degrees } else { degrees }
     }
 }
 
 const HELP: &str = "a line of names, then a line a direction: tilt_deg (or tilt_rad, elevation_deg, theta_deg from the zenith), pan_deg (or pan_rad, azimuth_deg, \
-                    phi_deg) and gain_db (or gain_dbi, snr_norm); or two cuts: cut (horizontal or vertical), angle_deg, gain_db";
+                    phi_deg) and gain_db (or gain_dbi, snr_norm); or two cuts: cut (horizontal or vertical), angle_deg, gain_db; \
+                    or, of a receiver, a line a direction and element: tilt, pan, element, re and im (or gain_db and phase_deg)";
 
-/// Reads the text of a pattern.
-fn parse(text: &str, name: &str) -> Result<SampledPattern> {
-    let fail = |what: String| Error::invalid(name, what, HELP);
-    let mut lines =
-        text.trim_start_matches('\u{feff}').lines().enumerate().filter(|(_, l)| !l.trim().is_empty() && !l.starts_with('#'));
-    let Some((_, head)) = lines.next() else { return Err(fail("it is empty".into())) };
-    let names: Vec<String> = head.split(',').map(|n| n.trim().trim_matches('"').to_ascii_lowercase()).collect();
-    let mut rows: Vec<(usize, Vec<&str>)> = vec![];
-    for (i, line) in lines {
-        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
-        if cells.len() != names.len() {
-            return Err(Error::invalid(
-                format!("{name}:{}", i + 1),
-                format!("{} values under {} names", cells.len(), names.len()),
-                HELP,
-            ));
-        }
-        rows.push((i + 1, cells));
-    }
-    let number = |line: usize, cell: &str| {
-        let value = cell.parse::<f64>().ok().filter(|v| v.is_finite());
-        value.ok_or_else(|| Error::invalid(format!("{name}:{line}"), format!("\"{cell}\" is no finite number"), HELP))
-    };
+/// Reads a table of gains.
+fn parse(table: &Table<'_>) -> Result<SampledPattern> {
+    let (names, name) = (&table.names, table.name);
+    let fail = |what: String| table.fail(what);
     if let Some(phase) = names.iter().find(|n| n.contains("phase") || n.as_str() == "re" || n.as_str() == "im") {
-        let what = format!("column {phase}: phases of a pattern are not supported");
-        return Err(Error::invalid(
-            name,
-            what,
-            "give gains alone; elements of an array share one pattern, and their phases are those of their places",
-        ));
+        let what = format!("column {phase}: phases of a pattern that all elements share are not supported");
+        let help = "give gains alone, or, of a receiver, each element's response with a column element";
+        return Err(Error::invalid(name, what, help));
     }
     if names.iter().any(|n| n == "cut") {
         let at =
             |wanted: &str| names.iter().position(|n| n == wanted).ok_or_else(|| fail(format!("cuts without a column {wanted}")));
         let (cut, angle, level) = (at("cut")?, at("angle_deg")?, at("gain_db")?);
+        table.check_units(&[(angle, Angle { degrees: 1.0, zenith: false })])?;
         let mut cuts: [BTreeMap<i64, f64>; 2] = Default::default();
-        for (line, cells) in &rows {
+        for (line, cells) in &table.rows {
             let which = match cells[cut].to_ascii_lowercase().as_str() {
                 "vertical" | "v" => 0,
                 "horizontal" | "h" => 1,
-                other => return Err(Error::invalid(format!("{name}:{line}"), format!("\"{other}\" is no cut"), HELP)),
+                other => return Err(Error::invalid(table.line(*line), format!("\"{other}\" is no cut"), HELP)),
             };
-            put(&mut cuts[which], number(*line, cells[angle])?, number(*line, cells[level])?, &format!("{name}:{line}"))?;
+            let (angle, level) = (table.number(*line, cells[angle])?, table.number(*line, cells[level])?);
+            put(&mut cuts[which], angle, level, &table.line(*line))?;
         }
         return of_cuts(&cuts).ok_or_else(|| fail("it does not have both cuts, with two angles each".into()));
     }
-    let columns = columns(&names, &fail)?;
+    let columns = columns(names, &fail)?;
+    table.check_units(&[columns.tilt, columns.pan])?;
     let mut grid: BTreeMap<i64, BTreeMap<i64, f64>> = BTreeMap::new();
-    for (line, cells) in &rows {
-        let tilt = columns.tilt.1.of(number(*line, cells[columns.tilt.0])?);
-        let pan = columns.pan.1.of(number(*line, cells[columns.pan.0])?);
+    for (line, cells) in &table.rows {
+        let tilt = columns.tilt.1.of(table.number(*line, cells[columns.tilt.0])?);
+        let pan = columns.pan.1.of(table.number(*line, cells[columns.pan.0])?);
         let row = grid.entry(key(tilt)).or_default();
-        put(row, pan, number(*line, cells[columns.level])?, &format!("{name}:{line}"))?;
+        put(row, pan, table.number(*line, cells[columns.level])?, &table.line(*line))?;
     }
     of_grid(&grid).map_err(fail)
 }
 
 /// An angle as a whole number, so that what is one is one.
-fn key(angle_deg: f64) -> i64 {
+pub(super) fn key(angle_deg: f64) -> i64 {
     (angle_deg / SAME_DEG).round() as i64
 }
 
-fn angle(key: i64) -> f64 {
+pub(super) fn angle(key: i64) -> f64 {
     key as f64 * SAME_DEG
 }
 
@@ -154,7 +215,8 @@ fn put(row: &mut BTreeMap<i64, f64>, angle_deg: f64, level: f64, place: &str) ->
     }
 }
 
-fn columns(names: &[String], fail: &dyn Fn(String) -> Error) -> Result<Columns> {
+/// The columns of tilts and of pans.
+pub(super) fn angles(names: &[String], fail: &dyn Fn(String) -> Error) -> Result<[(usize, Angle); 2]> {
     let find = |kinds: &[(&str, bool)]| {
         let named = |(i, n): (usize, &String)| {
             kinds.iter().find_map(|(kind, zenith)| {
@@ -172,8 +234,17 @@ fn columns(names: &[String], fail: &dyn Fn(String) -> Error) -> Result<Columns> 
         .ok_or_else(|| fail("it has no column of tilts".into()))?;
     let pan =
         find(&[("pan", false), ("azimuth", false), ("phi", false)]).ok_or_else(|| fail("it has no column of pans".into()))?;
-    let level = names.iter().position(|n| ["gain_db", "gain_dbi", "snr_norm", "snr_db", "level_db"].contains(&n.as_str()));
-    let level = level.ok_or_else(|| fail("it has no column of gains in decibels".into()))?;
+    Ok([tilt, pan])
+}
+
+/// The column of gains in decibels.
+pub(super) fn level(names: &[String]) -> Option<usize> {
+    names.iter().position(|n| ["gain_db", "gain_dbi", "snr_norm", "snr_db", "level_db"].contains(&n.as_str()))
+}
+
+fn columns(names: &[String], fail: &dyn Fn(String) -> Error) -> Result<Columns> {
+    let [tilt, pan] = angles(names, fail)?;
+    let level = level(names).ok_or_else(|| fail("it has no column of gains in decibels".into()))?;
     match names.iter().enumerate().find(|(i, _)| ![tilt.0, pan.0, level].contains(i)) {
         Some((_, other)) => Err(fail(format!("column \"{other}\" is not known"))),
         None => Ok(Columns { tilt, pan, level }),

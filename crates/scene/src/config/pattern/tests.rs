@@ -20,7 +20,7 @@ fn read(text: &str, settings: &str) -> Result<AntennaPattern> {
     std::fs::write(dir.path().join("p.csv"), text).unwrap();
     let written: std::collections::BTreeMap<String, AntennaPattern> =
         from_toml(&format!("pattern = {{ file = \"p.csv\"{settings} }}"), "t.toml").unwrap();
-    written["pattern"].read(dir.path(), "transmitter.pattern")
+    written["pattern"].read(dir.path(), "transmitter.pattern", None)
 }
 
 fn directions() -> impl Iterator<Item = DVec3> {
@@ -127,6 +127,10 @@ fn faulty_files_are_refused_by_what_is_wrong() {
         ("tilt_deg,pan_deg,gain_db\n0,0,0\n0,10,500\n", "500 dB"),
         ("cut,angle_deg,gain_db\nh,0,0\nh,10,0\n", "both cuts"),
         ("cut,angle_deg,gain_db\ndiagonal,0,0\n", "\"diagonal\""),
+        ("tilt_deg,pan_deg,gain_db\n0,-3.14,0\n0,0,0\n0,3.14,0\n", "look like radians"),
+        ("tilt_rad,pan_rad,gain_db\n0,-180,0\n0,0,0\n0,179,0\n", "look like degrees"),
+        ("cut,angle_deg,gain_db\nh,-3,0\nh,3,0\nv,-1,0\nv,1,0\n", "look like radians"),
+        ("tilt_deg,pan_deg,element,re,im\n0,0,0,1,0\n0,9,0,1,0\n", "of an array's elements one by one"),
     ] {
         let message = read(text, ", outside_db = -30").unwrap_err().to_string();
         assert!(message.contains(words) && message.contains("p.csv"), "{text}: {message}");
