@@ -3,7 +3,7 @@
 use crate::capture;
 use crate::files::{parts, put};
 use anyhow::{Context, Result};
-use corf_scene::config::{AntennaPattern, DatasetConfig, SceneConfig, from_toml};
+use corf_scene::config::{AntennaPattern, DatasetConfig, ElementGrid, SceneConfig, from_toml};
 use corf_scene::dataset::Dataset;
 use corf_scene::{Pinhole, import, io, npz};
 use glam::DVec3;
@@ -149,7 +149,9 @@ fn pattern(bytes: &[u8], folder: &Path) -> Result<()> {
     let [settings, table] = parts(bytes);
     put(folder, "pattern.csv", table)?;
     let stated: AntennaPattern = serde_json::from_slice(settings)?;
-    let read = stated.read(folder, "input")?;
+    // Elements one by one are taken of a receiver alone.
+    let of_array = ElementGrid { rows: 2, cols: 2, spacing_wavelengths: [0.5; 2] };
+    let read = stated.read(folder, "input", None).or_else(|_| stated.read(folder, "input", Some(of_array)))?;
     for direction in [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::Z, DVec3::NEG_Z, DVec3::new(0.6, -0.64, 0.48)] {
         let amplitude = read.amplitude(direction);
         assert!(amplitude.is_finite() && amplitude >= 0.0, "an amplitude of {amplitude} towards {direction}");

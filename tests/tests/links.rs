@@ -369,7 +369,9 @@ fn an_array_whose_elements_differ_is_that_of_its_file() {
         }
         fs::write(folder.path().join(name), lines).unwrap();
     };
-    let scene = |receiver: &str| room_with_pillar(folder.path(), [1.0, 1.0, 2.0], &format!("[receiver]\nrows = 2\ncols = 2\n{receiver}\n"));
+    let scene = |receiver: &str| {
+        room_with_pillar(folder.path(), [1.0, 1.0, 2.0], &format!("[receiver]\nrows = 2\ncols = 2\n{receiver}\n"))
+    };
     let matrix = |receiver: &str| -> Vec<[f64; 2]> {
         let scene = scene(receiver);
         let asked = ["paths", text(&scene), "--rx", "5,4,1.5", "--depth", "2", "--rx-array", "2x2", "--bandwidth", "400e6"];
@@ -390,7 +392,20 @@ fn an_array_whose_elements_differ_is_that_of_its_file() {
     file("alike.csv", [(1.0, 0.0); 4], 1.0);
     let spectrum = |receiver: &str| {
         let (scene, out) = (scene(receiver), folder.path().join("spectrum"));
-        let asked = ["spectrum", text(&scene), "--rx", "5,4,1.5", "--out", text(&out), "--size", "24x16", "--kind", "bartlett", "--depth", "2"];
+        let asked = [
+            "spectrum",
+            text(&scene),
+            "--rx",
+            "5,4,1.5",
+            "--out",
+            text(&out),
+            "--size",
+            "24x16",
+            "--kind",
+            "bartlett",
+            "--depth",
+            "2",
+        ];
         corf_ok(&[&asked[..], &["--no-diffuse"]].concat());
         let linear = corf_scene::io::read_exr_f32(out.join("bartlett.exr")).unwrap();
         fs::remove_dir_all(out).unwrap();
@@ -406,7 +421,10 @@ fn an_array_whose_elements_differ_is_that_of_its_file() {
     file("conjugate.csv", own, -1.0);
     refused("pattern = { file = \"conjugate.csv\" }", &["conjugate.csv", "e^{-jωt}"]);
     refused("pattern = { file = \"alike.csv\", phases = \"element\" }", &["alike.csv", "phases = \"array\""]);
-    refused("pattern = { file = \"alike.csv\" }\nspacing_wavelengths = 0.5\n[transmitters.b]\nposition_m = [1, 1, 1]\npattern = { file = \"alike.csv\" }", &["[receiver]"]);
+    refused(
+        "pattern = { file = \"alike.csv\" }\nspacing_wavelengths = 0.5\n[transmitters.b]\nposition_m = [1, 1, 1]\npattern = { file = \"alike.csv\" }",
+        &["[receiver]"],
+    );
     let other = text(&scene("pattern = { file = \"alike.csv\" }")).to_owned();
     corf_refuses(&["paths", &other, "--rx", "5,4,1.5", "--rx-array", "2x3"], &["2x2 elements", "2x3 elements"]);
 }

@@ -115,7 +115,7 @@ impl ElementResponses {
             return Err(Error::invalid(place, what, "give them on a coarser grid: two degrees are enough for 8x8 elements"));
         }
         self.grid().check(place)?;
-        match self.responses.iter().flatten().find(|v| !(v.abs() <= 1e5)) {
+        match self.responses.iter().flatten().find(|v| v.is_nan() || v.abs() > 1e5) {
             Some(v) => {
                 Err(Error::invalid(place, format!("a response of {v}"), "give finite responses, 1 being an isotropic element's"))
             }
