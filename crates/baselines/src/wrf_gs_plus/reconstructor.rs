@@ -65,7 +65,7 @@ impl WrfGsPlusReconstructor {
     }
 
     /// The same of an array that stands still: keyframes are places of the transmitter, spectra are grey levels over the array's directions, and
-    /// `trainer` is an [`FixedArrayTrainer`](super::ArrayTrainer) of the same array.
+    /// `trainer` is an [`FixedArrayTrainer`](super::FixedArrayTrainer) of the same array.
     ///
     /// # Errors
     /// Those of [`Self::new`].
