@@ -132,7 +132,7 @@ mod tests {
                     "opacity": StartOpacity::default(),
                     "rate_at_end": GeometryConfig::usual_rate_at_end(),
                 });
-                let is_of_geometry = key.key.strip_prefix("geometry.").is_some_and(|k| at(&on_geometry, k) == default);
+                let is_of_geometry = stripped.strip_prefix("geometry.").is_some_and(|k| at(&on_geometry, k) == default);
                 let holds = is_of_geometry
                     || tables.iter().any(|t| {
                         [key.key.as_str(), stripped].iter().any(|k| at(&method.config(), &format!("{t}{k}")) == default)

@@ -367,7 +367,8 @@ fn elements_that_are_alike_form_the_spectrum_of_such_elements() {
         let own = SpectrumSettings { elements: Some(alike), ..plain };
         for (azimuth, elevation) in [(20.0, 5.0), (0.0, 0.0), (-60.0, 30.0)] {
             let [a, b] = [plain, own].map(|s| value(&s, &port_pairs, centre(azimuth, elevation)));
-            assert!((a / b - 1.0).abs() < 1e-5, "{kind:?}: {a:e} {b:e}");
+            // Lobes are too narrow to be seen from everywhere.
+            assert!((a - b).abs() <= 1e-5 * b && (b > 0.0 || azimuth != 20.0), "{kind:?}: {a:e} {b:e}");
         }
     }
 }

@@ -6,6 +6,7 @@ mod grid;
 mod read;
 mod read_elements;
 mod sampled;
+mod table;
 
 pub use elements::{ElementGrid, ElementResponses, Elements};
 pub use file::PatternFile;

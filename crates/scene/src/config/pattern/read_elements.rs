@@ -3,7 +3,7 @@
 use super::elements::{ElementGrid, ElementResponses, Elements, MAX_RESPONSES};
 use super::file::{PatternFile, PhaseReference};
 use super::grid::direction;
-use super::read::{MOST_MEAN_GAIN, TOO_MUCH, Table, angle, angles, key, level};
+use super::table::{MOST_MEAN_GAIN, TOO_MUCH, Table, angle, angles, key, level};
 use crate::words::counted;
 use crate::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
