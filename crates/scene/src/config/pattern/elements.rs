@@ -2,6 +2,7 @@
 
 use super::file::PatternFile;
 use super::grid::{AngleGrid, direction, means};
+use super::kept;
 use crate::{Error, Result};
 use base64::Engine as _;
 use glam::DVec3;
@@ -12,7 +13,7 @@ use std::f64::consts::TAU;
 use std::fmt;
 use std::hash::{Hash, Hasher};
 use std::ops::Deref;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 /// No file has more responses: 8×8 elements every two degrees of the sphere.
 pub(super) const MAX_RESPONSES: usize = 1 << 20;
@@ -163,6 +164,7 @@ impl ElementResponses {
 #[derive(Clone, Copy)]
 pub struct Elements(&'static Kept);
 
+#[derive(PartialEq)]
 struct Kept {
     file: PatternFile,
     responses: ElementResponses,
@@ -177,13 +179,7 @@ impl Elements {
     /// A grid that is none.
     pub(super) fn of(file: PatternFile, responses: ElementResponses) -> Result<Self> {
         responses.check(file.name())?;
-        let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = kept.iter().find(|k| k.file == file && k.responses == responses) {
-            return Ok(Self(known));
-        }
-        let new: &'static Kept = Box::leak(Box::new(Kept { file, responses }));
-        kept.push(new);
-        Ok(Self(new))
+        Ok(Self(kept::once(&KEPT, Kept { file, responses })))
     }
 
     /// Hands on every element's response towards a unit direction of the array's frame, real and imaginary part, over an isotropic element at the

@@ -1,8 +1,9 @@
 //! Files of antenna patterns, as configurations name them.
 
+use super::kept;
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Serialize, Serializer};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 /// A pattern's file and how it is read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,17 +43,11 @@ impl std::hash::Hash for PatternFile {
     }
 }
 
-static NAMES: Mutex<Vec<&'static str>> = Mutex::new(Vec::new());
+static NAMES: Mutex<Vec<&'static String>> = Mutex::new(Vec::new());
 
 impl PatternFile {
     pub(super) fn of(file: String, settings: FileSettings) -> Self {
-        let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
-        let file = names.iter().find(|name| **name == file).copied().unwrap_or_else(|| {
-            let name: &'static str = Box::leak(file.into_boxed_str());
-            names.push(name);
-            name
-        });
-        Self { file, settings }
+        Self { file: kept::once(&NAMES, file).as_str(), settings }
     }
 
     /// Its name, as it was given.

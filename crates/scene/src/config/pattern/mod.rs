@@ -3,6 +3,7 @@
 mod elements;
 mod file;
 mod grid;
+mod kept;
 mod read;
 mod read_elements;
 mod sampled;

@@ -2,6 +2,7 @@
 
 use super::file::PatternFile;
 use super::grid::{AngleGrid, means};
+use super::kept;
 use crate::{Error, Result};
 use glam::DVec3;
 use serde::ser::SerializeMap;
@@ -9,7 +10,7 @@ use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 use std::hash::{Hash, Hasher};
 use std::ops::Deref;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 /// No grid has more points.
 const MAX_POINTS: usize = 4_000_000;
@@ -67,12 +68,10 @@ impl SampledPattern {
 }
 
 /// A pattern, once in memory for all antennas that have it.
-///
-/// Antennas are small values that are copied everywhere. What a process reads of files is therefore kept as long as it runs; the same pattern is kept
-/// once.
 #[derive(Clone, Copy)]
 pub struct Sampled(&'static Kept);
 
+#[derive(PartialEq)]
 struct Kept {
     file: PatternFile,
     pattern: SampledPattern,
@@ -87,13 +86,7 @@ impl Sampled {
     /// A grid that is none.
     pub(super) fn of(file: PatternFile, pattern: SampledPattern) -> Result<Self> {
         pattern.check(file.name())?;
-        let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = kept.iter().find(|k| k.file == file && k.pattern == pattern) {
-            return Ok(Self(known));
-        }
-        let new: &'static Kept = Box::leak(Box::new(Kept { file, pattern }));
-        kept.push(new);
-        Ok(Self(new))
+        Ok(Self(kept::once(&KEPT, Kept { file, pattern })))
     }
 
     /// Gain towards a unit direction of the antenna frame, dB.
