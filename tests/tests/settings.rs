@@ -39,7 +39,6 @@ const VALUES: &[(&str, &str)] = &[
     ("visits_per_level", "1"),
     ("finest_share", "0.2"),
     ("latest_probability", "1.0"),
-    ("optical_share", "0.5"),
     ("scale_clamp", "[4.0, 0.02]"),
     ("initial_opacity", "[0.3, 0.2, 0.5]"),
     ("replace_at_samples", "1"),

@@ -137,10 +137,6 @@ pub struct ReconstructionConfig {
     /// level coarser, at a quarter of the cost. The spectrum is at full resolution in all of them. Published: 1. Default: half a megapixel
     /// over the number of the image's pixels, at most 1.
     pub finest_share: Option<f32>,
-    /// Share of a keyframe's visits that train light, and the geometry with it; the others train the spectrum's opacities and colours alone, at a
-    /// third of the cost or less. Published: 1, the default.
-    #[serde(rename = "optical_share", skip_serializing_if = "is_whole")]
-    pub light_share: f32,
     /// Probability that a step visits the latest keyframe; otherwise it visits any of them. Published: 0.2. Default 0.05.
     pub latest_probability: f32,
     /// λ_rf (paper: 0.1).
@@ -180,10 +176,6 @@ pub struct ReconstructionConfig {
     pub bootstrap_keyframes: usize,
     /// Depth settings.
     pub depth: DepthConfig,
-}
-
-fn is_whole(share: &f32) -> bool {
-    *share == 1.0
 }
 
 /// Settings of depth estimation (`corf::depth`).
@@ -350,7 +342,6 @@ impl Default for ReconstructionConfig {
             radio_pyramid_levels: None,
             visits_per_level: 5,
             finest_share: None,
-            light_share: 1.0,
             latest_probability: 0.05,
             radio_weight: 0.1,
             depth_weight: 0.01,
@@ -383,7 +374,7 @@ impl ReconstructionConfig {
         let weight = |x: f32| (0.0..=1e6).contains(&x);
         let count = |n: usize, most: usize| (1..=most).contains(&n);
         let d = &self.depth;
-        let checks: [(&str, bool, &str); 36] = [
+        let checks: [(&str, bool, &str); 35] = [
             ("uniform_probability", probability(self.uniform_probability), "a probability between 0 and 1"),
             ("least_probability", probability(self.least_probability), "a probability between 0 and 1"),
             ("iterations_per_keyframe", count(self.iterations_per_keyframe, 1_000_000), "1 to 1 000 000 (paper: 75)"),
@@ -405,7 +396,6 @@ impl ReconstructionConfig {
             ),
             ("visits_per_level", self.visits_per_level >= 1, "at least 1"),
             ("finest_share", self.finest_share.is_none_or(probability), "a share between 0 and 1"),
-            ("optical_share", (0.05..=1.0).contains(&self.light_share), "a share from 0.05 to 1"),
             ("latest_probability", probability(self.latest_probability), "a probability between 0 and 1"),
             ("rf_weight", weight(self.radio_weight), "not negative, up to 1e6 (paper: 0.1)"),
             ("depth_weight", weight(self.depth_weight), "not negative, up to 1e6 (paper: 0.01)"),
@@ -464,7 +454,6 @@ impl ReconstructionConfig {
             ("overlapped_iterations", self.keyframe_budget_ms.is_none(), BUDGET),
             ("second_stage_opacity", self.coupling != Coupling::Joint, STAGED),
             ("rf_weight", self.coupling == Coupling::Joint, JOINT),
-            ("optical_share", self.coupling == Coupling::Joint, "in two stages every step of the first trains light"),
             ("uniform_probability", uniform, UNIFORM),
             ("least_probability", !uniform, LOG),
             ("log_sigma_px", !uniform, LOG),

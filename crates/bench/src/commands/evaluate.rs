@@ -103,7 +103,7 @@ impl Evaluate {
 
     fn of_predictions(&self, folder: &Path, picture: &mut Option<Picture>) -> Result<(Record, Dataset)> {
         let dataset = self.dataset.as_deref().context("predictions are of a dataset\n  help: name it with --dataset")?;
-        let networks = self.lpips.read()?;
+        let networks = self.lpips.read(&self.device.resolve()?)?;
         let input = self.verify.open_any(dataset)?.with_networks(&networks)?;
         let protocol = match self.protocol {
             Some(protocol) => protocol,
@@ -127,8 +127,9 @@ impl Evaluate {
     }
 
     fn of_run(&self, folder: &Path, picture: &mut Option<Picture>) -> Result<(Record, Dataset, Option<FreshFolder>)> {
-        let networks = self.lpips.read()?;
-        let mut run = open::open_any(folder, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
+        let backend = self.device.resolve()?;
+        let networks = self.lpips.read(&backend)?;
+        let mut run = open::open_any(folder, self.dataset.as_deref(), self.verify, &backend)?;
         if let Some(out) = &self.write_predictions {
             keep_apart("--write-predictions", out, &[Reads::Folder(folder), Reads::Folder(run.input.dataset.dir())])?;
         }

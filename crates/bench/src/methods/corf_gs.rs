@@ -483,7 +483,6 @@ mod tests {
     fn the_committed_configurations_and_plans_are_of_this_version() {
         let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
         for plan in [
-            "lobby147-plan.toml",
             "ablation.toml",
             "array.toml",
             "blocks-lobby147.toml",
@@ -492,9 +491,6 @@ mod tests {
             "density-office480.toml",
             "demo.toml",
             "paper.toml",
-            "paper-budgets.toml",
-            "rf-3dgs.toml",
-            "wrf-gs-plus.toml",
         ] {
             crate::experiment::plan::Plan::load(&scenes.join(plan)).unwrap();
         }

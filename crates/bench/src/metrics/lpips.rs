@@ -2,9 +2,12 @@
 //!
 //! A key is `lpips_BACKBONE_IMAGE` for the input as LPIPS defines it, [−1, 1], and `lpips_BACKBONE_01_IMAGE` for the literature's, [0, 1].
 
+use crate::device::Backend;
 use crate::note;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
+#[cfg(feature = "gpu")]
+use corf::image_networks::lpips::LpipsOnGpu;
 use corf::image_networks::lpips::{Backbone, Lpips, LpipsInput};
 use corf_scene::Raster;
 use corf_scene::dataset::Dataset;
@@ -12,6 +15,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+#[cfg(feature = "gpu")]
+use std::sync::OnceLock;
 
 /// Advice to who wants LPIPS and has no weights.
 pub const NO_WEIGHTS: &str = "no weights were given (tools/fetch_weights.py gets them, --lpips names their folder)";
@@ -24,7 +29,7 @@ pub struct LpipsOption {
     #[arg(long, value_name = "FOLDER")]
     #[serde(default, rename = "folder", skip_serializing_if = "Option::is_none")]
     lpips: Option<PathBuf>,
-    /// Images that LPIPS is computed of: large ones take long (VGG-16 needs 0.9 TFLOP for 1600×900 pixels, and LPIPS four such passes).
+    /// Images that LPIPS is computed of: large ones take long on a processor (VGG-16 needs 0.9 TFLOP for 1600×900 pixels, and LPIPS four such passes).
     #[arg(long, value_enum, default_value_t, requires = "lpips")]
     #[serde(rename = "images")]
     lpips_images: LpipsImages,
@@ -57,24 +62,24 @@ impl LpipsOption {
         Ok(Self { lpips, lpips_images: self.lpips_images })
     }
 
-    /// The networks whose weights are in the folder; none without a folder.
+    /// The networks whose weights are in the folder, to be run on a device; none without a folder.
     ///
     /// # Errors
     /// Those of [`LpipsNetworks::read`].
-    pub fn networks(&self) -> Result<Arc<LpipsNetworks>> {
+    pub fn networks(&self, backend: &Backend) -> Result<Arc<LpipsNetworks>> {
         let networks = self.lpips.as_deref().map(|folder| LpipsNetworks::read(folder, self.lpips_images)).transpose()?;
-        Ok(Arc::new(networks.unwrap_or_default()))
+        Ok(Arc::new(LpipsNetworks { backend: backend.clone(), ..networks.unwrap_or_default() }))
     }
 
     /// [`Self::networks`], and says so if LPIPS is not computed.
     ///
     /// # Errors
     /// Those of [`LpipsNetworks::read`].
-    pub fn read(&self) -> Result<Arc<LpipsNetworks>> {
+    pub fn read(&self, backend: &Backend) -> Result<Arc<LpipsNetworks>> {
         if self.lpips.is_none() {
             note!("LPIPS is not computed: {NO_WEIGHTS}");
         }
-        self.networks()
+        self.networks(backend)
     }
 }
 
@@ -91,6 +96,9 @@ pub type Pair<'a> = (&'a str, &'a Raster<[u8; 3]>, &'a Raster<[u8; 3]>);
 pub struct LpipsNetworks {
     networks: Vec<Lpips>,
     images: LpipsImages,
+    /// Where they run.
+    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "the processor does it"))]
+    backend: Backend,
 }
 
 impl LpipsNetworks {
@@ -109,7 +117,7 @@ impl LpipsNetworks {
                 folder.display()
             );
         }
-        Ok(Self { networks, images })
+        Ok(Self { networks, images, backend: Backend::default() })
     }
 
     /// Checks that a dataset's images are large enough for every network.
@@ -146,15 +154,63 @@ impl LpipsNetworks {
         self.networks.iter().map(|n| (format!("{}{of}", n.backbone().name()), n.sha256().to_owned())).collect()
     }
 
+    /// The same networks on the GPU that is asked for, in their order; none where the processor runs them: no GPU is asked for, it is an adapter in
+    /// software, or it cannot be used, which is said.
+    #[cfg(feature = "gpu")]
+    fn on_gpu(&self) -> Vec<LpipsOnGpu> {
+        use corf_gpu::{AdapterOptions, Context};
+        let Backend::Gpu { number, .. } = &self.backend else { return vec![] };
+        let open = || {
+            let context = Arc::new(Context::open(&AdapterOptions { number: *number, software: true, ..Default::default() })?);
+            if context.is_software() {
+                return Ok(vec![]);
+            }
+            self.networks.iter().map(|network| LpipsOnGpu::new(&context, network)).collect::<corf::Result<_>>()
+        };
+        open().unwrap_or_else(|error| {
+            note!("LPIPS is computed on the processor: {error}");
+            vec![]
+        })
+    }
+}
+
+/// Networks at work. A GPU is opened when something is first compared, and given back with the last clone.
+#[derive(Clone, Debug, Default)]
+pub struct LpipsComparer {
+    networks: Arc<LpipsNetworks>,
+    #[cfg(feature = "gpu")]
+    on_gpu: Arc<OnceLock<Vec<LpipsOnGpu>>>,
+}
+
+impl LpipsComparer {
+    /// Compares with these networks.
+    pub fn new(networks: &Arc<LpipsNetworks>) -> Self {
+        Self { networks: networks.clone(), ..Self::default() }
+    }
+
     /// Distances of pairs of images that have a name, by key.
     pub fn compare(&self, pairs: &[Pair<'_>]) -> BTreeMap<String, f64> {
         let mut found = BTreeMap::new();
-        let compared = pairs.iter().filter(|(name, ..)| self.images.include(name));
-        for (network, (name, a, b)) in self.networks.iter().flat_map(|n| compared.clone().map(move |p| (n, p))) {
-            for (input, mark) in [(LpipsInput::Signed, ""), (LpipsInput::Unit, "_01")] {
-                found.insert(format!("lpips_{}{mark}_{name}", network.backbone().name()), network.distance(a, b, input));
+        let LpipsNetworks { networks, images, .. } = &*self.networks;
+        for (number, network) in networks.iter().enumerate() {
+            for (name, a, b) in pairs.iter().filter(|(name, ..)| images.include(name)) {
+                for (input, mark) in [(LpipsInput::Signed, ""), (LpipsInput::Unit, "_01")] {
+                    let key = format!("lpips_{}{mark}_{name}", network.backbone().name());
+                    found.insert(key, self.distance(number, a, b, input));
+                }
             }
         }
         found
+    }
+
+    fn distance(&self, number: usize, a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>, input: LpipsInput) -> f64 {
+        #[cfg(feature = "gpu")]
+        if let Some(network) = self.on_gpu.get_or_init(|| self.networks.on_gpu()).get(number) {
+            match network.distance(a, b, input) {
+                Ok(distance) => return distance,
+                Err(error) => note!("LPIPS of a pair of images is computed on the processor: {error}"),
+            }
+        }
+        self.networks.networks[number].distance(a, b, input)
     }
 }

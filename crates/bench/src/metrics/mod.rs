@@ -21,11 +21,10 @@ use corf_scene::dataset::Quantity;
 use corf_scene::keyframe::{DbRange, Modalities};
 use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, color};
 use free_space::FreeSpaceLink;
-use lpips::LpipsNetworks;
+use lpips::LpipsComparer;
 use outage::{BeamGains, LinkRates};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// Prediction of a method at a pose.
 #[derive(Clone, Debug)]
@@ -162,7 +161,7 @@ struct SpectrumPair<'a> {
 pub struct Evaluator {
     /// None of a dataset without spectra.
     spectra: Option<SpectrumEvaluator>,
-    networks: Arc<LpipsNetworks>,
+    lpips: LpipsComparer,
 }
 
 /// Compares predicted spectra with those of one dataset.
@@ -185,13 +184,13 @@ impl Evaluator {
             physical: dataset.fixed_array().is_none(),
             ..SpectrumEvaluator::new(dataset.radio_camera(), range, dataset.header().quantity)
         });
-        Self { spectra, networks: input.networks.clone() }
+        Self { spectra, lpips: LpipsComparer::new(&input.networks) }
     }
 
     /// `rf_camera` gives direction and solid angle of every spectrum pixel, `range` is the dataset's dB range, and `quantity` says what a
     /// value is, and so what a beam of it is.
     pub fn new(radio_camera: Pinhole, range: DbRange, quantity: Quantity) -> Self {
-        Self { spectra: Some(SpectrumEvaluator::new(radio_camera, range, quantity)), networks: Arc::default() }
+        Self { spectra: Some(SpectrumEvaluator::new(radio_camera, range, quantity)), lpips: LpipsComparer::default() }
     }
 
     /// All metrics of what is predicted of a keyframe, as far as it was observed.
@@ -224,7 +223,7 @@ impl Evaluator {
                 ssim_opt: image::ssim(image, truth, mask),
             }),
             spectrum: spectra.as_ref().map(|(evaluator, pair)| evaluator.compare(pair, &truth.world_from_camera)),
-            lpips: self.networks.compare(&pairs),
+            lpips: self.lpips.compare(&pairs),
         }
     }
 }

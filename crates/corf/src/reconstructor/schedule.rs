@@ -125,7 +125,7 @@ impl Schedule {
                 let mut rng = Rng::keyed(self.seed, stage::STEPS, self.steps_drawn);
                 let latest = self.views.len() - 1;
                 let which = if rng.uniform() < latest_probability { latest } else { rng.below(self.views.len()) };
-                let step = self.visit(which, weights, config, config.light_share, &mut rng);
+                let step = self.visit(which, weights, config, &mut rng);
                 self.online.push((step.view, step.levels));
                 step
             })
@@ -144,55 +144,41 @@ impl Schedule {
             .into_iter()
             .map(|which| {
                 let mut rng = Rng::keyed(self.seed, stage::STEPS, self.steps_drawn);
-                Step { levels: [0; 2], ..self.visit(which, weights, config, 1.0, &mut rng) }
+                Step { levels: [0; 2], ..self.visit(which, weights, config, &mut rng) }
             })
             .collect()
     }
 
-    /// A step of a keyframe; the share of its visits that train light is `light_share`, where radio is trained beside it.
-    fn visit(
-        &mut self,
-        which: usize,
-        weights: StageWeights,
-        config: &ReconstructionConfig,
-        light_share: f32,
-        rng: &mut Rng,
-    ) -> Step {
+    /// A step of a keyframe.
+    fn visit(&mut self, which: usize, weights: StageWeights, config: &ReconstructionConfig, rng: &mut Rng) -> Step {
         self.steps_drawn += 1;
         let (view, visits) = &mut self.views[which];
-        let light_share = if weights.radio > 0.0 { light_share } else { 1.0 };
-        let trains_light = spread(*visits, light_share);
         // A keyframe moves one level finer after every `visits_per_level` of its own visits.
         let coarsest = config.pyramid_levels - 1;
         let level = coarsest.saturating_sub((*visits / config.visits_per_level) as u32);
-        let spared = level == 0 && !spread(share_of(*visits, light_share), config.finest_share.unwrap_or(1.0));
+        let spared = level == 0 && !spread(*visits, config.finest_share.unwrap_or(1.0));
         let radio_level = level.min(config.radio_pyramid_levels.map_or(coarsest, |n| n - 1));
         let levels = [if spared { coarsest.min(1) } else { level }, radio_level];
         let decay = config.depth_weight_decay.powi((*visits).min(10_000) as i32);
-        let depth_weight =
-            if trains_light && weights.depth && decay >= LEAST_DEPTH_DECAY { self.depth_weight * decay } else { 0.0 };
+        let depth_weight = if weights.depth && decay >= LEAST_DEPTH_DECAY { self.depth_weight * decay } else { 0.0 };
         *visits += 1;
         Step {
             view: *view,
             levels,
-            light_weight: if trains_light { weights.light } else { 0.0 },
+            light_weight: weights.light,
             radio_weight: weights.radio,
             depth_weight,
-            train_geometry: trains_light && weights.geometry,
+            train_geometry: weights.geometry,
             light_background: [rng.uniform(), rng.uniform(), rng.uniform()],
             radio_background: self.radio_floor,
         }
     }
 }
 
-/// How many of the first `count` are taken of a share that is spread as evenly as whole numbers allow.
-fn share_of(count: usize, share: f32) -> usize {
-    (count as f64 * f64::from(share)).floor() as usize
-}
-
-/// Whether the k-th of many is among that share.
+/// Whether the k-th of many is among a share of them that is spread as evenly as whole numbers allow.
 fn spread(k: usize, share: f32) -> bool {
-    share_of(k + 1, share) > share_of(k, share)
+    let taken_of = |count: usize| (count as f64 * f64::from(share)).floor() as usize;
+    taken_of(k + 1) > taken_of(k)
 }
 
 #[cfg(test)]
@@ -248,25 +234,6 @@ mod tests {
         assert_eq!(schedule.epoch(JOINT, &config)[0].levels, [0; 2]);
         let flat = ReconstructionConfig { pyramid_levels: 1, ..config };
         assert!(schedule.online(9, 0.2, JOINT, &flat).iter().all(|s| s.levels == [0; 2]));
-    }
-
-    #[test]
-    fn visits_without_light_train_the_spectrum_on_the_geometry_as_it_is() {
-        let config = ReconstructionConfig { light_share: 0.5, finest_share: Some(0.25), ..ReconstructionConfig::default() };
-        let mut schedule = schedule(1, 1);
-        let steps = schedule.online(90, 0.2, JOINT, &config);
-        let with_light: Vec<&Step> = steps.iter().filter(|s| s.light_weight > 0.0).collect();
-        assert_eq!(with_light.len(), 45);
-        assert!(steps.iter().all(|s| s.radio_weight == JOINT.radio && s.train_geometry == (s.light_weight > 0.0)));
-        assert!(steps.iter().all(|s| s.light_weight > 0.0 || s.depth_weight == 0.0));
-        // Of the visits that see the image finely, a quarter see all of it, as without the share.
-        let fine: Vec<u32> = with_light.iter().skip(5).map(|s| s.levels[0]).collect();
-        assert_eq!(fine.iter().filter(|l| **l == 0).count(), 10, "{fine:?}");
-        assert!(schedule.epoch(JOINT, &config).iter().all(|s| s.light_weight > 0.0 && s.levels == [0; 2]));
-        let light = StageWeights { radio: 0.0, ..JOINT };
-        assert!(self::schedule(1, 1).online(9, 0.2, light, &config).iter().all(|s| s.light_weight > 0.0), "nothing else is left");
-        let plain = ReconstructionConfig { light_share: 1.0, ..config };
-        assert!(self::schedule(1, 1).online(9, 0.2, JOINT, &plain).iter().all(|s| s.light_weight > 0.0));
     }
 
     #[test]

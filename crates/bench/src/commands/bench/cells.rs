@@ -2,7 +2,7 @@
 
 use super::super::{Verdict, show};
 use crate::comparison::{archive, suite};
-use crate::device::DeviceChoice;
+use crate::device::{Backend, DeviceChoice};
 use crate::experiment::cells;
 use crate::experiment::cluster::{CellList, Planned, local, slurm};
 use crate::experiment::plan::Plan;
@@ -119,7 +119,7 @@ impl PlanCommand {
     pub fn run(self, as_json: bool) -> Result<Verdict> {
         let mut plan = Plan::load(&self.plan)?;
         keep_apart("--out", &self.out, &[Reads::Folder(&plan.dataset)])?;
-        let networks = self.lpips.read()?;
+        let networks = self.lpips.read(&Backend::Cpu)?;
         let input = self.verify.open_any(&plan.dataset)?.with_networks(&networks)?;
         plan.make_absolute()?;
         cells::check_rows(&plan, &input.dataset)?;
@@ -163,8 +163,9 @@ impl CellCommand {
     /// Those of [`Planned::run`].
     pub fn run(self, as_json: bool) -> Result<Verdict> {
         let planned = Planned::read(&self.folder)?;
-        let input = planned.open(self.verify)?;
-        let (record, was_there) = planned.run(&self.id, &input, &self.device.resolve()?)?;
+        let backend = self.device.resolve()?;
+        let input = planned.open(self.verify, &backend)?;
+        let (record, was_there) = planned.run(&self.id, &input, &backend)?;
         let name = format!("{}, seed {}", record.row, record.seed);
         let text = match &record.outcome {
             Outcome::Done(_) if was_there => format!("{name}: already there"),
@@ -277,7 +278,7 @@ impl Collect {
             );
         }
         let planned = Planned::read(&self.folder)?;
-        let input = planned.open(self.verify)?;
+        let input = planned.open(self.verify, &Backend::Cpu)?;
         let _held = claim_shared(&self.folder)?;
         let mut written: Option<suite::Written> = None;
         for (part, records) in planned.collect(&input)? {

@@ -38,9 +38,9 @@ impl Density {
         let mut plan = Plan::load(&self.plan)?;
         plan.make_absolute()?;
         keep_apart("--out", &self.cells.out, &[Reads::Folder(&plan.dataset)])?;
-        let networks = self.lpips.read()?;
-        let input = self.cells.verify.open_any(&plan.dataset)?.with_networks(&networks)?;
         let backend = self.cells.device.resolve()?;
+        let networks = self.lpips.read(&backend)?;
+        let input = self.cells.verify.open_any(&plan.dataset)?.with_networks(&networks)?;
         let density = density::Density::new(plan, &self.every, &self.metric, &input.dataset)?;
         let _held = claim_output(&self.cells.out, self.cells.resume)?;
         let (results, text, records) = density.run(&input, &self.cells.out, &backend)?;

@@ -199,9 +199,9 @@ impl Run {
         let mut plan = Plan::load(&self.plan)?;
         plan.make_absolute()?;
         keep_apart("--out", &self.cells.out, &[Reads::Folder(&plan.dataset)])?;
-        let networks = self.lpips.read()?;
-        let input = self.cells.verify.open_any(&plan.dataset)?.with_networks(&networks)?;
         let backend = self.cells.device.resolve()?;
+        let networks = self.lpips.read(&backend)?;
+        let input = self.cells.verify.open_any(&plan.dataset)?.with_networks(&networks)?;
         check_rows(&plan, &input.dataset)?;
         let _held = claim_output(&self.cells.out, self.cells.resume)?;
         let written = suite::run(&plan, &input, &self.cells.out, &backend)?;

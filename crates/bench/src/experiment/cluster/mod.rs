@@ -174,12 +174,12 @@ impl Planned {
         &self.parts[0].plan.name
     }
 
-    /// Opens the dataset, with the networks of LPIPS that cells are evaluated with.
+    /// Opens the dataset, with the networks of LPIPS that cells are evaluated with, on a device.
     ///
     /// # Errors
     /// A dataset or weights that cannot be read.
-    pub fn open(&self, verify: Verify) -> Result<Input> {
-        verify.open_any(self.dataset())?.with_networks(&self.list.lpips.networks()?)
+    pub fn open(&self, verify: Verify, backend: &Backend) -> Result<Input> {
+        verify.open_any(self.dataset())?.with_networks(&self.list.lpips.networks(backend)?)
     }
 
     /// Path of the dataset.

@@ -259,7 +259,7 @@ impl Method for CorfArray {
         let sensor = training.map(|training| self.sensor(training)).transpose()?;
         let mut idle: Vec<IdleKey> = light.idle_keys();
         if sensor.is_some_and(|sensor| !radio.is_over_splats(&sensor)) {
-            let of_radio = ["rf_weight", "rf_target", "rf_pyramid_levels", "rf_sh_degree", "optical_share", "optimizer.rf"];
+            let of_radio = ["rf_weight", "rf_target", "rf_pyramid_levels", "rf_sh_degree", "optimizer.rf"];
             idle.extend(IdleKey::all(of_radio.map(|key| (key, false, POINTS))));
         }
         idle = idle.into_iter().map(|key| key.within("light")).collect();

@@ -6,11 +6,17 @@
 //! `LPIPS = Σ_l mean over pixels of Σ_c w_lc (f̂ᵃ_lc − f̂ᵇ_lc)²`.
 //!
 //! The weights are the user's; nothing is downloaded. The same images and weights give the same bytes on any number of threads of one kind of
-//! processor. Maps are held whole: with VGG-16 at most three of 64 values a pixel at once, 1.1 GB for images of 1600×900.
+//! processor. Maps are held whole: with VGG-16 at most three of 64 values a pixel at once, 1.1 GB for images of 1600×900. [`LpipsOnGpu`] computes the
+//! same on a GPU but for the order of sums.
 
+#[cfg(feature = "gpu")]
+mod gpu;
 #[cfg(test)]
 mod tests;
 mod trunk;
+
+#[cfg(feature = "gpu")]
+pub use gpu::LpipsOnGpu;
 
 use crate::Result;
 use crate::files::tensors::Tensors;
@@ -138,8 +144,7 @@ impl Lpips {
     /// # Panics
     /// If they differ in size, or are smaller than [`Self::least_px`].
     pub fn layers(&self, a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>, input: LpipsInput) -> Vec<f64> {
-        assert_eq!((a.width(), a.height()), (b.width(), b.height()), "images of one size are compared");
-        let mut maps = [shown(a, input), shown(b, input)];
+        let mut maps = pair_shown(a, b, input);
         let mut shares = Vec::new();
         for step in &self.steps {
             if let Step::Comparison(weights) = step {
@@ -150,6 +155,15 @@ impl Lpips {
         }
         shares
     }
+}
+
+/// Two images as a network sees them.
+///
+/// # Panics
+/// If they differ in size.
+fn pair_shown(a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>, input: LpipsInput) -> [Map; 2] {
+    assert_eq!((a.width(), a.height()), (b.width(), b.height()), "images of one size are compared");
+    [shown(a, input), shown(b, input)]
 }
 
 /// An image as a network sees it.

@@ -85,18 +85,18 @@ fn photograph(seed: u64, width: usize, height: usize) -> Raster<[u8; 3]> {
     })
 }
 
-/// A small network with every kind of step.
+/// A small network with every kind of step. Channels come in fours, as in all backbones.
 fn small() -> Lpips {
     let positive = |seed, count| Step::Comparison(noise(seed, count, 1.0).iter().map(|v| v.abs()).collect());
     let steps = vec![
-        Step::Convolution(layer(1, 3 * 25, 6), Window { side: 5, stride: 2, border: 1 }),
-        positive(2, 6),
+        Step::Convolution(layer(1, 3 * 25, 8), Window { side: 5, stride: 2, border: 1 }),
+        positive(2, 8),
         Step::Pool(MaxPool { side: 3, stride: 2, beyond: true }),
-        Step::Fire(Box::new([layer(3, 6, 4), layer(4, 4, 5), layer(5, 4 * 9, 5)])),
-        positive(6, 10),
+        Step::Fire(Box::new([layer(3, 8, 4), layer(4, 4, 8), layer(5, 4 * 9, 12)])),
+        positive(6, 20),
         Step::Pool(MaxPool { side: 2, stride: 2, beyond: false }),
-        Step::Convolution(layer(7, 10 * 9, 8), Window::three(1)),
-        positive(8, 8),
+        Step::Convolution(layer(7, 20 * 9, 132), Window::three(1)),
+        positive(8, 132),
     ];
     Lpips { backbone: Backbone::Alex, steps, sha256: String::new() }
 }
@@ -191,6 +191,34 @@ fn weights_by_chance_give_what_the_formula_gives() {
             assert!(exact.iter().all(|v| *v > 1e-3), "they see a difference: {exact:?}");
             assert!(found.iter().zip(&exact).all(|(a, b)| (a / b - 1.0).abs() < 1e-5), "{found:?} {exact:?}");
         }
+    }
+}
+
+/// A network with every kind of step, more places and channels than a workgroup has and fewer, on memory that holds no numbers before; and the real one.
+#[cfg(feature = "gpu")]
+#[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
+fn a_gpu_finds_what_the_processor_finds() {
+    let Some(context) = corf_gpu::testing::context(&corf_gpu::testing::OPTIONS) else { return };
+    let context = std::sync::Arc::new(context);
+    let compare = |lpips: &Lpips, [width, height]: [usize; 2]| {
+        let on_gpu = LpipsOnGpu::new(&context, lpips).unwrap();
+        let (a, b) = (photograph(1, width, height), photograph(2, width, height));
+        for input in [LpipsInput::Signed, LpipsInput::Unit] {
+            let (found, known) = (on_gpu.layers(&a, &b, input).unwrap(), lpips.layers(&a, &b, input));
+            assert_eq!(found.len(), known.len());
+            assert!(found.iter().zip(&known).all(|(a, b)| (a / b - 1.0).abs() < 1e-5), "{width}x{height}: {found:?} {known:?}");
+            assert_eq!(on_gpu.layers(&a, &b, input).unwrap(), found, "the same bytes each time");
+            assert_eq!(on_gpu.distance(&a, &a, input).unwrap(), 0.0);
+        }
+    };
+    let lpips = small();
+    for size in [[41, 37], [160, 130], [lpips.least_px(), lpips.least_px() + 1]] {
+        compare(&lpips, size);
+    }
+    for backbone in [Backbone::Alex, Backbone::Squeeze] {
+        let Some(path) = shared(&format!("weights/lpips/{}", backbone.file())) else { return };
+        compare(&Lpips::read(&path, backbone).unwrap(), [97, 64]);
     }
 }
 
