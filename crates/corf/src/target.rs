@@ -1,6 +1,6 @@
 //! Encoding of spectra as training targets of the RF field, and decoding of predictions back to spectra.
 
-use crate::device::Planes;
+use crate::{device::Planes, images::jet};
 use corf_scene::{Raster, color, keyframe::DbRange};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -51,7 +51,7 @@ impl RadioTarget {
     /// The scalar dB level in `[0, 1]` of a rendered image; an off-curve Jet colour is read as the nearest one on the curve.
     pub fn scalar(self, rendered: &Planes) -> Raster<f32> {
         let pixels = match self {
-            Self::Jet => rendered.pixels.chunks_exact(3).map(|c| color::scalar_from_jet([c[0], c[1], c[2]])).collect(),
+            Self::Jet => jet::levels(&rendered.pixels),
             Self::Db => rendered.pixels.iter().map(|s| s.clamp(0.0, 1.0)).collect(),
         };
         Raster::from_vec(rendered.width, rendered.height, pixels)

@@ -1,5 +1,7 @@
 //! Colour: the sRGB transfer function and the Jet map in which RF spectra are published.
 
+use std::sync::LazyLock;
+
 /// Exposed radiance up to which images are linear; above it highlights roll off towards 1. What develops images and what describes them share it.
 pub const TONE_KNEE: f32 = 0.6;
 
@@ -68,33 +70,63 @@ pub fn jet_of_trapezoids(scalar: f32) -> [f32; 3] {
     [3.0, 2.0, 1.0].map(|middle| (1.5 - (s - middle).abs()).clamp(0.0, 1.0))
 }
 
-/// The scalar in `[0, 1]` whose Jet colour is nearest to `rgb` in the Euclidean sense: exact on the curve, the projection off it.
+/// A straight piece of a curve of colours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Segment {
+    /// Scalar of its beginning.
+    pub scalar: f32,
+    /// How much the scalar grows along it.
+    pub length: f32,
+    /// Colour of its beginning.
+    pub start: [f32; 3],
+    /// Colour of its end, less that of its beginning.
+    pub direction: [f32; 3],
+    /// Square of the distance between both colours.
+    pub length2: f32,
+}
+
+/// Jet is piecewise linear between these scalars.
+static JET: LazyLock<Vec<Segment>> =
+    LazyLock::new(|| segments(&[0.0, 0.11, 0.125, 0.34, 0.35, 0.375, 0.64, 0.65, 0.66, 0.89, 0.91, 1.0], jet));
+static JET_OF_TRAPEZOIDS: LazyLock<Vec<Segment>> =
+    LazyLock::new(|| segments(&[0.0, 0.125, 0.375, 0.625, 0.875, 1.0], jet_of_trapezoids));
+
+/// The pieces of [`jet`], in the order of scalars.
+pub fn jet_segments() -> &'static [Segment] {
+    &JET
+}
+
+/// The scalar in `[0, 1]` whose Jet colour is nearest to `rgb` in the Euclidean sense: exact on the curve, the projection off it. Of equally near
+/// ones it is the smallest; of a colour that is no number it is 0.
 pub fn scalar_from_jet(rgb: [f32; 3]) -> f32 {
-    // Jet is piecewise linear between these scalars, so the nearest point is found segment by segment.
-    const KNOTS: [f32; 12] = [0.0, 0.11, 0.125, 0.34, 0.35, 0.375, 0.64, 0.65, 0.66, 0.89, 0.91, 1.0];
-    nearest_on(&KNOTS, jet, rgb)
+    nearest_on(&JET, rgb)
 }
 
 /// The scalar in `[0, 1]` whose colour by [`jet_of_trapezoids`] is nearest to `rgb`, as [`scalar_from_jet`] has it.
 pub fn scalar_from_jet_of_trapezoids(rgb: [f32; 3]) -> f32 {
-    const KNOTS: [f32; 6] = [0.0, 0.125, 0.375, 0.625, 0.875, 1.0];
-    nearest_on(&KNOTS, jet_of_trapezoids, rgb)
+    nearest_on(&JET_OF_TRAPEZOIDS, rgb)
 }
 
-/// The scalar of the point nearest to `rgb` on a curve that is straight between `knots`.
-fn nearest_on(knots: &[f32], curve: fn(f32) -> [f32; 3], rgb: [f32; 3]) -> f32 {
+/// The pieces of a curve that is straight between `knots`.
+fn segments(knots: &[f32], curve: fn(f32) -> [f32; 3]) -> Vec<Segment> {
+    let segment = |ends: &[f32]| {
+        let (start, end) = (curve(ends[0]), curve(ends[1]));
+        let direction = [0, 1, 2].map(|c| end[c] - start[c]);
+        let length2 = direction.iter().fold(0.0, |sum, d| sum + d * d);
+        Segment { scalar: ends[0], length: ends[1] - ends[0], start, direction, length2 }
+    };
+    knots.windows(2).map(segment).collect()
+}
+
+/// The scalar of the point nearest to `rgb` on a curve, segment by segment.
+fn nearest_on(curve: &[Segment], rgb: [f32; 3]) -> f32 {
     let mut best = (f32::INFINITY, 0.0);
-    for pair in knots.windows(2) {
-        let (a, b) = (curve(pair[0]), curve(pair[1]));
-        let (mut along, mut length2) = (0.0, 0.0);
-        for c in 0..3 {
-            along += (rgb[c] - a[c]) * (b[c] - a[c]);
-            length2 += (b[c] - a[c]) * (b[c] - a[c]);
-        }
+    for Segment { scalar, length, start, direction, length2 } in curve {
+        let along = (0..3).fold(0.0, |sum, c| sum + (rgb[c] - start[c]) * direction[c]);
         let t = (along / length2).clamp(0.0, 1.0);
-        let distance2: f32 = (0..3).map(|c| (a[c] + t * (b[c] - a[c]) - rgb[c]).powi(2)).sum();
+        let distance2: f32 = (0..3).map(|c| (start[c] + t * direction[c] - rgb[c]).powi(2)).sum();
         if distance2 < best.0 {
-            best = (distance2, pair[0] + t * (pair[1] - pair[0]));
+            best = (distance2, scalar + t * length);
         }
     }
     best.1
