@@ -134,10 +134,8 @@ impl FieldMeta {
             radio: Some((view(self.radio_camera), background)),
             main_contributor: false,
         })?;
-        let missing = || {
-            Error::invalid(device.name(), "the device left out a modality that was asked for", "this is a defect of the device")
-        };
-        let (light, radio) = (rendering.light.ok_or_else(missing)?, rendering.radio.ok_or_else(missing)?);
+        let (light, radio) =
+            (rendering.light.ok_or_else(|| device.left_out())?, rendering.radio.ok_or_else(|| device.left_out())?);
         let image = light.color.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
         let scalar = self.radio_target.scalar(&radio.color);
         Ok(FieldRendering {

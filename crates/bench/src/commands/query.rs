@@ -24,11 +24,11 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde_json::json;
 use std::path::PathBuf;
-use std::sync::mpsc::sync_channel;
+use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Instant;
 
-/// Poses whose spectra are formed together: a GPU is full then, and an interrupt is heard soon.
-const TOGETHER: usize = 64;
+/// Groups of spectra that wait to be summed up, at most.
+const WAITING: usize = 16;
 /// Rates that can be asked for, bit/s/Hz, and powers that are sent, dBm.
 const RATES_BPS_HZ: std::ops::RangeInclusive<f64> = 0.0..=100.0;
 const POWERS_DBM: std::ops::RangeInclusive<f64> = -100.0..=100.0;
@@ -243,39 +243,55 @@ fn check_inside(place: &str, poses: &[Rigid3], [least, most]: &[DVec3; 2]) -> Re
 fn aggregates(predictor: &mut dyn Predictor, aggregator: &Aggregator, poses: &[Rigid3]) -> Result<Vec<Aggregates>> {
     let mut progress = Progress::start("asking the field", poses.len(), "poses");
     let all = std::thread::scope(|scope| -> Result<Vec<Aggregates>> {
-        let (sender, spectra) = sync_channel::<Vec<Raster<f32>>>(1);
-        let summing = scope.spawn(move || {
-            let mut all = Vec::with_capacity(poses.len());
-            while let Ok(some) = spectra.recv() {
-                all.extend(some.par_iter().map(|scalar| aggregator.of(scalar)).collect::<Vec<_>>());
-            }
-            all
-        });
+        let (sender, spectra) = sync_channel(WAITING);
+        let summing = scope.spawn(move || summed_up(aggregator, &spectra));
         let mut done = 0;
-        for some in poses.chunks(TOGETHER) {
+        let formed = predictor.spectra(poses, &mut |some| {
             interrupt::check()?;
-            let formed = predictor.spectra(some)?;
-            if let Some(i) = formed.iter().position(|s| s.pixels().iter().any(|v| !v.is_finite())) {
-                anyhow::bail!(
-                    "pose {}: a pixel of the spectrum is not a finite number\n  help: the field has diverged; reconstruct it with smaller rates",
-                    done + i
-                );
-            }
-            // Who sums is there until the last is sent.
-            let _ = sender.send(formed);
             done += some.len();
+            sender.send(some).context("nobody sums the spectra up")?;
             progress.set(done, poses.len());
-        }
+            Ok(())
+        });
         drop(sender);
-        Ok(summing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        // Whoever sums up and is gone before the last spectrum has said why.
+        let all = summing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        formed.map(|()| all)
     })?;
     progress.finish();
     Ok(all)
 }
 
+/// The aggregates of spectra as they come, all that wait at once.
+fn summed_up(aggregator: &Aggregator, spectra: &Receiver<Vec<Raster<f32>>>) -> Result<Vec<Aggregates>> {
+    let mut all = Vec::new();
+    while let Ok(first) = spectra.recv() {
+        let waiting: Vec<Raster<f32>> = first.into_iter().chain(spectra.try_iter().flatten()).collect();
+        let before = all.len();
+        let some: Vec<Option<Aggregates>> =
+            waiting.par_iter().map(|scalar| finite(scalar).then(|| aggregator.of(scalar))).collect();
+        all.extend(some.into_iter().map_while(|aggregates| aggregates));
+        ensure!(
+            all.len() == before + waiting.len(),
+            "pose {}: a pixel of the spectrum is not a finite number\n  help: the field has diverged; reconstruct it with smaller rates",
+            all.len()
+        );
+    }
+    Ok(all)
+}
+
+fn finite(scalar: &Raster<f32>) -> bool {
+    scalar.pixels().iter().all(|v| v.is_finite())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::methods::interface::Take;
+    use crate::metrics::Prediction;
+    use corf_scene::Pinhole;
+    use corf_scene::dataset::Quantity;
+    use corf_scene::keyframe::DbRange;
     use glam::DMat3;
 
     fn at(x: f64) -> Rigid3 {
@@ -289,6 +305,51 @@ mod tests {
         let said = check_inside("p.csv", &[at(0.0), at(2.5), at(-7.0)], &room).unwrap_err().to_string();
         for part in ["p.csv: pose 1", "(2.50, 0.00, 0.00) m is outside", "and 1 other besides", "--anywhere"] {
             assert!(said.contains(part), "{part} in {said}");
+        }
+    }
+
+    const RANGE: DbRange = DbRange { min_db: -120.0, max_db: -40.0 };
+
+    fn camera() -> Pinhole {
+        Pinhole::from_horizontal_fov(6, 4, 90.0)
+    }
+
+    /// Spectra of the brightness that the place says, so many at a time, and no number at one place.
+    struct Bright {
+        at_once: usize,
+        diverged_at_m: f64,
+    }
+
+    impl Predictor for Bright {
+        fn render(&mut self, _: &Rigid3) -> Result<Prediction> {
+            unreachable!("spectra alone are asked for")
+        }
+
+        fn spectra(&mut self, poses: &[Rigid3], take: Take<'_>) -> Result<()> {
+            let level = |x: f64| if x == self.diverged_at_m { f32::NAN } else { (x / 100.0) as f32 };
+            let spectrum = |pose: &Rigid3| Raster::filled(6, 4, level(pose.translation.x));
+            poses.chunks(self.at_once).try_for_each(|some| take(some.iter().map(spectrum).collect()))
+        }
+
+        fn save(&self, _: &std::path::Path) -> Result<()> {
+            unreachable!("nothing is saved")
+        }
+    }
+
+    #[test]
+    fn answers_are_in_the_order_of_poses_however_spectra_come() {
+        let aggregator = Aggregator::new(camera(), RANGE, Quantity::PowerPerSteradian, TRANSMIT_POWER_DBM);
+        let poses: Vec<Rigid3> = (1..100).map(|x| at(f64::from(x))).collect();
+        let ask = |at_once, diverged_at_m| aggregates(&mut Bright { at_once, diverged_at_m }, &aggregator, &poses);
+        let one_by_one = ask(1, -1.0).unwrap();
+        assert_eq!(one_by_one.len(), poses.len());
+        assert!(one_by_one.windows(2).all(|pair| pair[0].path_gain_db < pair[1].path_gain_db));
+        for at_once in [7, 64, 99] {
+            assert!(ask(at_once, -1.0).unwrap() == one_by_one, "{at_once}");
+        }
+        for at_once in [1, 7, 99] {
+            let said = ask(at_once, 60.0).unwrap_err().to_string();
+            assert!(said.starts_with("pose 59: a pixel of the spectrum is not a finite number"), "{said}");
         }
     }
 

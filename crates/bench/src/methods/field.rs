@@ -1,10 +1,10 @@
 //! A finished field of Gaussians as a predictor: what every method that trains Gaussians ends in.
 
 use crate::device::Backend;
-use crate::methods::interface::{NO_RADIO, Predictor};
+use crate::methods::interface::{NO_RADIO, Predictor, Take};
 use crate::metrics::{Prediction, RadioPrediction};
-use anyhow::{Context, Result, ensure};
-use corf::device::{Planes, RenderRequest, View};
+use anyhow::{Result, ensure};
+use corf::device::Planes;
 use corf::target::RadioTarget;
 use corf::{Device, Field, Gaussians, OptimizerConfig, RasterConfig};
 use corf_scene::dataset::Dataset;
@@ -113,18 +113,24 @@ impl Predictor for FieldPredictor {
         Ok(Prediction { image: Some(p.image), radio, depth_m: Some(depth_m) }.within(meta.modalities))
     }
 
-    fn spectra(&mut self, poses: &[Rigid3]) -> Result<Vec<Raster<f32>>> {
+    fn spectra(&mut self, poses: &[Rigid3], take: Take<'_>) -> Result<()> {
         let meta = self.field.meta;
         ensure!(meta.modalities.radio, NO_RADIO);
-        let background = meta.radio_background_color();
-        let device = self.device()?;
-        let one = |world_from_camera: &Rigid3| -> Result<Planes> {
-            let view = View { camera: meta.radio_camera, world_from_camera: *world_from_camera };
-            let rendering = device.render(&RenderRequest { radio: Some((view, background)), ..RenderRequest::default() })?;
-            Ok(rendering.radio.context("the device left out a modality that was asked for")?.color)
+        // The device has errors of its own kind: what `take` says is kept here.
+        let mut refused = None;
+        let mut hand_over = |images: Vec<Planes>| {
+            let spectra = images.par_iter().map(|image| meta.radio_target.scalar(image)).collect();
+            take(spectra).map_err(|error| {
+                refused = Some(error);
+                corf::Error::Stopped
+            })
         };
-        let rendered: Vec<Planes> = poses.iter().map(one).collect::<Result<_>>()?;
-        Ok(rendered.par_iter().map(|planes| meta.radio_target.scalar(planes)).collect())
+        let background = meta.radio_background_color();
+        let rendered = self.device()?.render_radio(&meta.radio_camera, poses, background, &mut hand_over);
+        match refused {
+            Some(error) => Err(error),
+            None => Ok(rendered?),
+        }
     }
 
     fn room_m(&self) -> Option<[DVec3; 2]> {

@@ -472,6 +472,9 @@ pub trait Method {
 /// Why a field has no spectra.
 pub const NO_RADIO: &str = "the field has learnt no radio\n  help: reconstruct a data set with spectra";
 
+/// Receives spectra as they are formed.
+pub type Take<'a> = &'a mut dyn FnMut(Vec<Raster<f32>>) -> Result<()>;
+
 /// A reconstructed field, to be asked for any pose.
 pub trait Predictor {
     /// Predicts image and spectrum at a pose, at the dataset's resolutions.
@@ -480,14 +483,16 @@ pub trait Predictor {
     /// When the device gives up.
     fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction>;
 
-    /// Predicts spectra alone at some poses, on the data set's decibel range from 0 to 1: those of [`Self::render`], without images. Many poses at once
-    /// are answered faster than one by one.
+    /// Predicts spectra alone at poses, on the data set's decibel range from 0 to 1: those of [`Self::render`], without images. They are handed to
+    /// `take` in the order of the poses, some at a time; many poses at once are answered faster than one by one.
     ///
     /// # Errors
-    /// Those of [`Self::render`]; a field without radio.
-    fn spectra(&mut self, poses: &[Rigid3]) -> Result<Vec<Raster<f32>>> {
-        let scalar = |pose| -> Result<Raster<f32>> { Ok(self.render(pose)?.radio.context(NO_RADIO)?.scalar) };
-        poses.iter().map(scalar).collect()
+    /// Those of [`Self::render`]; a field without radio; that of `take`, which ends the work.
+    fn spectra(&mut self, poses: &[Rigid3], take: Take<'_>) -> Result<()> {
+        for pose in poses {
+            take(vec![self.render(pose)?.radio.context(NO_RADIO)?.scalar])?;
+        }
+        Ok(())
     }
 
     /// The box that holds what the field knows of the room, but for outliers, least and greatest corner, metres; none of methods without a place for

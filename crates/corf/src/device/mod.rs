@@ -167,6 +167,18 @@ pub(crate) fn check_channels(view: &TrainingView, channels: [usize; 2]) -> Resul
     Ok(())
 }
 
+/// Images that a device without a way of its own hands over together: enough for all threads of the processor.
+const IMAGES_AT_ONCE: usize = 16;
+
+/// Refuses a camera without pixels.
+pub(crate) fn check_camera(camera: &Pinhole) -> Result<()> {
+    if camera.width == 0 || camera.height == 0 {
+        let what = format!("a camera of {}x{} pixels", camera.width, camera.height);
+        return Err(Error::invalid("render request", what, "give a camera with pixels"));
+    }
+    Ok(())
+}
+
 /// A place to run: `cpu` (rayon + SIMD, the embedded default) or `gpu`.
 pub trait Device: Send {
     /// Name for records: "cpu (2 threads)", an adapter's name.
@@ -260,6 +272,29 @@ pub trait Device: Send {
     /// # Errors
     /// A camera without pixels, or a main contributor asked for without an optical view.
     fn render(&mut self, request: &RenderRequest) -> Result<Rendering>;
+
+    /// Renders the radio field alone at poses of one camera, and hands the images to `take` in the order of the poses, some at a time. A device with
+    /// a processor of its own draws the next meanwhile.
+    ///
+    /// # Errors
+    /// Those of [`Self::render`]; that of `take`, which ends the work.
+    fn render_radio(
+        &mut self,
+        camera: &Pinhole,
+        poses: &[Rigid3],
+        background: [f32; 3],
+        take: &mut dyn FnMut(Vec<Planes>) -> Result<()>,
+    ) -> Result<()> {
+        for some in poses.chunks(IMAGES_AT_ONCE) {
+            let image = |pose: &Rigid3| {
+                let radio = Some((View { camera: *camera, world_from_camera: *pose }, background));
+                let rendering = self.render(&RenderRequest { radio, ..RenderRequest::default() })?;
+                Ok(rendering.radio.ok_or_else(|| self.left_out())?.color)
+            };
+            take(some.iter().map(image).collect::<Result<_>>()?)?;
+        }
+        Ok(())
+    }
 
     /// Surveys the field for an expansion: the rendered values at some pixels of a view, and the pruning decision of each Gaussian.
     ///
@@ -360,6 +395,11 @@ pub trait Device: Send {
     /// When Gaussians are held already, or the state is incomplete or of other channels and degrees; when there is no memory for it.
     fn restore(&mut self, _state: &DeviceState) -> Result<()> {
         Err(self.lacks("checkpoints", "run without them on this device"))
+    }
+
+    /// The error of a device that has not rendered what it was asked for.
+    fn left_out(&self) -> Error {
+        Error::invalid(self.name(), "the device left out a modality that was asked for", "this is a defect of the device")
     }
 
     /// The error of a device without something.

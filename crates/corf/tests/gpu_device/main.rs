@@ -13,13 +13,13 @@ mod support;
 use corf::{
     Antialias, CpuDevice, Device, Gaussians, OptimizerConfig, RasterConfig, Result,
     device::{
-        RenderRequest, Step, StepReport, TrainingView, View, ViewId,
+        Planes, RenderRequest, Step, StepReport, TrainingView, View, ViewId,
         gpu::{GpuDevice, GpuOptions},
     },
     gaussians::logit,
 };
 use corf_gpu::AdapterOptions;
-use corf_scene::{Pinhole, Rng};
+use corf_scene::{Pinhole, Rigid3, Rng};
 use suite::{Opened, Tested};
 use support::{
     OPTIONS, THRESHOLD_SHARE, bits, both, cameras, classes, compare_gradients, compare_renderings, image, metric_rates, noise,
@@ -63,6 +63,46 @@ fn pictures_agree() {
 }
 
 /// Lists in which pixels end early, drawn by one, two and four threads a pixel.
+/// There is hardly any room at first, so that a batch is drawn again.
+#[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
+fn spectra_of_many_poses_are_those_of_each_alone() {
+    for channels in [1, 3] {
+        let g = room(5, 3000, channels, [1, 1]);
+        let Some(mut streams) = open(&OPTIONS, OptimizerConfig::default(), RasterConfig::default(), &g) else { return };
+        let Some(mut renders) = open(&OPTIONS, OptimizerConfig::default(), RasterConfig::default(), &g) else { return };
+        let ((_, camera), background) = (cameras(), [0.1, 0.2, 0.3]);
+        let poses: Vec<Rigid3> = (0..7).map(pose).collect();
+        let mut together = Vec::new();
+        let mut take = |images: Vec<Planes>| {
+            together.extend(images);
+            Ok(())
+        };
+        streams.render_radio(&camera, &poses, background, &mut take).unwrap();
+        assert_eq!(together.len(), poses.len());
+        for (image, world_from_camera) in together.iter().zip(poses.iter().copied()) {
+            let radio = Some((View { camera, world_from_camera }, background));
+            let alone = renders.render(&RenderRequest { radio, ..RenderRequest::default() }).unwrap();
+            assert!(alone.radio.unwrap().color == *image, "{channels} channels");
+        }
+        // Who has seen enough ends it, and the device works on.
+        let mut seen = 0;
+        let mut enough = |_| {
+            seen += 1;
+            Err(corf::Error::Stopped)
+        };
+        assert!(matches!(streams.render_radio(&camera, &poses, background, &mut enough), Err(corf::Error::Stopped)));
+        assert_eq!(seen, 1);
+        streams.render_radio(&camera, &[], background, &mut |_| unreachable!("there is no image")).unwrap();
+        streams
+            .render_radio(&camera, &poses[..1], background, &mut |images| {
+                assert!(images[0] == together[0]);
+                Ok(())
+            })
+            .unwrap();
+    }
+}
+
 #[test]
 #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn threads_that_share_a_pixel_draw_what_one_draws() {

@@ -3,7 +3,7 @@
 use super::CorfArrayConfig;
 use crate::device::Backend;
 use crate::methods::field::FieldPredictor;
-use crate::methods::interface::Predictor;
+use crate::methods::interface::{Predictor, Take};
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Context, Result, ensure};
 use corf::array_field::{ArrayField, CpuObserver, Observer};
@@ -15,17 +15,35 @@ use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
 
+/// Poses at which emitters are observed together: a GPU is full then, and an interrupt is heard soon.
+const TOGETHER: usize = 64;
 /// File of a run folder with the radio field.
 const FIELD: &str = "array";
 
 /// A finished field.
 pub struct ArrayPredictor {
     light: FieldPredictor,
-    radio: Arc<ArrayField>,
-    backend: Backend,
-    /// What observes the radio field; made when it is first needed.
-    observer: Option<Box<dyn Observer>>,
+    radio: Emitters,
     range: DbRange,
+}
+
+/// The radio field, and what observes it.
+struct Emitters {
+    field: Arc<ArrayField>,
+    backend: Backend,
+    /// Made when it is first needed.
+    observer: Option<Box<dyn Observer>>,
+}
+
+impl Emitters {
+    /// The field at poses, linear.
+    fn observe(&mut self, poses: &[Rigid3]) -> Result<Vec<Raster<f32>>> {
+        let observer = match &mut self.observer {
+            Some(observer) => observer,
+            none => none.insert(observer(&self.backend, &self.field)?),
+        };
+        Ok(observer.observe(poses)?)
+    }
 }
 
 /// What observes a field on a device; the processor where the sensor needs double precision.
@@ -54,16 +72,8 @@ pub fn observer(backend: &Backend, field: &Arc<ArrayField>) -> Result<Box<dyn Ob
 impl ArrayPredictor {
     /// Fields that `backend` renders.
     pub(super) fn new(light: FieldPredictor, radio: ArrayField, range: DbRange, backend: &Backend) -> Self {
-        Self { light, radio: Arc::new(radio), backend: backend.clone(), observer: None, range }
-    }
-
-    /// The radio field at poses, linear.
-    fn observe(&mut self, poses: &[Rigid3]) -> Result<Vec<Raster<f32>>> {
-        let observer = match &mut self.observer {
-            Some(observer) => observer,
-            none => none.insert(observer(&self.backend, &self.radio)?),
-        };
-        Ok(observer.observe(poses)?)
+        let radio = Emitters { field: Arc::new(radio), backend: backend.clone(), observer: None };
+        Self { light, radio, range }
     }
 
     /// Reads the field of a run folder, whose configuration is `config`.
@@ -84,9 +94,9 @@ impl ArrayPredictor {
 impl Predictor for ArrayPredictor {
     fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
         let light = self.light.render(world_from_camera)?;
-        let emitted = self.observe(std::slice::from_ref(world_from_camera))?.pop();
+        let emitted = self.radio.observe(std::slice::from_ref(world_from_camera))?.pop();
         let emitted = emitted.context("a radio field was observed at no pose")?;
-        let radio = match light.radio.filter(|_| self.radio.over_splats) {
+        let radio = match light.radio.filter(|_| self.radio.field.over_splats) {
             Some(splats) => over(splats, &emitted, self.range),
             None => {
                 let scalar = emitted.map(|&s| self.range.scalar(s));
@@ -96,14 +106,22 @@ impl Predictor for ArrayPredictor {
         Ok(Prediction { radio: Some(radio), ..light })
     }
 
-    fn spectra(&mut self, poses: &[Rigid3]) -> Result<Vec<Raster<f32>>> {
-        let (emitted, range) = (self.observe(poses)?, self.range);
-        if !self.radio.over_splats {
-            return Ok(emitted.par_iter().map(|emitted| emitted.map(|&s| range.scalar(s))).collect());
+    fn spectra(&mut self, poses: &[Rigid3], take: Take<'_>) -> Result<()> {
+        let Self { light, radio, range } = self;
+        if !radio.field.over_splats {
+            for some in poses.chunks(TOGETHER) {
+                let emitted = radio.observe(some)?;
+                take(emitted.par_iter().map(|emitted| emitted.map(|&s| range.scalar(s))).collect())?;
+            }
+            return Ok(());
         }
-        let splats = self.light.spectra(poses)?;
-        let both = splats.into_par_iter().zip(&emitted);
-        Ok(both.map(|(splats, emitted)| over(RadioPrediction::from_scalar(splats), emitted, range).scalar).collect())
+        let mut done = 0;
+        light.spectra(poses, &mut |splats| {
+            let emitted = radio.observe(&poses[done..done + splats.len()])?;
+            done += splats.len();
+            let both = splats.into_par_iter().zip(&emitted);
+            take(both.map(|(splats, emitted)| over(RadioPrediction::from_scalar(splats), emitted, *range).scalar).collect())
+        })
     }
 
     fn room_m(&self) -> Option<[DVec3; 2]> {
@@ -119,7 +137,7 @@ impl Predictor for ArrayPredictor {
     }
 
     fn save(&self, run: &Path) -> Result<()> {
-        self.radio.write(&run.join(FIELD))?;
+        self.radio.field.write(&run.join(FIELD))?;
         self.light.save(run)
     }
 }

@@ -11,7 +11,7 @@ use super::{
 use crate::simd::Isa;
 use crate::{
     Error, Result,
-    device::{Layer, Planes, RenderRequest, Rendering, View},
+    device::{Layer, Planes, RenderRequest, Rendering, View, check_camera},
 };
 use corf_scene::Raster;
 use rayon::prelude::*;
@@ -172,10 +172,7 @@ impl CpuDevice {
     }
 
     fn scene_of(&self, g: usize, view: &View) -> Result<Scene> {
-        if view.camera.width == 0 || view.camera.height == 0 {
-            let what = format!("a camera of {}x{} pixels", view.camera.width, view.camera.height);
-            return Err(Error::invalid("render request", what, "give a camera with pixels"));
-        }
+        check_camera(&view.camera)?;
         let mut grids = [None; 2];
         grids[g] = Some(Grid::new(&view.camera, self.raster.antialias));
         Ok(Scene::new(&view.world_from_camera, grids))

@@ -20,6 +20,7 @@ mod matching;
 mod options;
 mod params;
 mod pyramid;
+mod radio_images;
 mod readback;
 mod render;
 mod shaders;
@@ -34,12 +35,13 @@ mod training;
 mod work;
 
 use super::{
-    DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient,
-    Step, StepReport, Survey, SurveyRequest, TrainingTimes, TrainingView, ViewId, check_channels,
+    DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, Planes, RenderRequest, Rendering,
+    ScreenGradient, Step, StepReport, Survey, SurveyRequest, TrainingTimes, TrainingView, ViewId, check_channels,
 };
 use crate::{Appearance, AppearanceRates, Error, Gaussians, OptimizerConfig, RasterConfig, Result, depth::Matcher};
 use clock::Clock;
 use corf_gpu::{AdapterOptions, Context, Reading, Scratch};
+use corf_scene::{Pinhole, Rigid3};
 use deformed::StandIns;
 use frame::{Forward, Memory};
 use keyframe_cache::{KeyframeCache, StoredView};
@@ -277,6 +279,17 @@ impl Device for GpuDevice {
     fn render(&mut self, request: &RenderRequest) -> Result<Rendering> {
         self.ready()?;
         self.render_request(request)
+    }
+
+    fn render_radio(
+        &mut self,
+        camera: &Pinhole,
+        poses: &[Rigid3],
+        background: [f32; 3],
+        take: &mut dyn FnMut(Vec<Planes>) -> Result<()>,
+    ) -> Result<()> {
+        self.ready()?;
+        self.stream_radio(camera, poses, background, take)
     }
 
     fn survey(&mut self, request: &SurveyRequest<'_>) -> Result<Survey> {

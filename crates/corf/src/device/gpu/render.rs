@@ -10,7 +10,7 @@ use super::{
 use crate::{
     Error, Result,
     device::{
-        Layer, Planes, RenderRequest, Rendering, View,
+        Layer, Planes, RenderRequest, Rendering, View, check_camera,
         cpu::geometry::{Grid, Pose},
     },
 };
@@ -35,10 +35,7 @@ impl GpuDevice {
         }
         let wanted = [request.light, request.radio];
         for (view, _) in wanted.iter().flatten() {
-            if view.camera.width == 0 || view.camera.height == 0 {
-                let what = format!("a camera of {}x{} pixels", view.camera.width, view.camera.height);
-                return Err(Error::invalid("render request", what, "give a camera with pixels"));
-            }
+            check_camera(&view.camera)?;
         }
         let mut out = Rendering::default();
         match wanted {
