@@ -14,6 +14,7 @@ mod doctor;
 mod evaluate;
 mod export_light;
 mod field;
+mod open_flags;
 mod paths;
 mod query;
 mod reconstruct;

@@ -1,16 +1,14 @@
 //! `corf query`: what a radio field says of many places in a few numbers each.
 
+use super::open_flags::OpenFlags;
 use super::{Verdict, print, show};
-use crate::device::DeviceChoice;
 use crate::files::ending::{check_file, ending};
 use crate::files::separation::{Reads, keep_apart};
 use crate::methods::interface::{NO_RADIO, Predictor};
 use crate::metrics::aggregates::{Aggregates, Aggregator};
-use crate::metrics::input::Verify;
 use crate::metrics::rate::{TARGET_RATE_BPS_HZ, TRANSMIT_POWER_DBM, budget_of};
 use crate::note;
 use crate::render::poses::{PoseFile, PoseFrame};
-use crate::run::open;
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
 use anyhow::{Context, Result, ensure};
@@ -57,14 +55,8 @@ pub struct Query {
     /// Answer outside of the room as well, where nothing was ever seen.
     #[arg(long)]
     anywhere: bool,
-    /// Dataset folder, if it has moved since.
-    #[arg(long)]
-    dataset: Option<PathBuf>,
     #[command(flatten)]
-    verify: Verify,
-    /// Device that renders the field: auto, cpu, gpu, or gpu:N for the N-th adapter.
-    #[arg(long, default_value_t)]
-    device: DeviceChoice,
+    opened: OpenFlags,
 }
 
 /// The form of the answer's file.
@@ -90,7 +82,7 @@ impl Query {
             ensure!(range.contains(&value), "{flag} {value}: the value is out of range\n  help: {help}");
         }
         let file = PoseFile::read(&self.poses)?;
-        let mut run = open::open(&self.run, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
+        let (mut run, _) = self.opened.open(&self.run)?;
         let dataset = &run.input.dataset;
         if let Some(out) = &self.out {
             keep_apart("--out", out, &[Reads::Folder(&self.run), Reads::Folder(dataset.dir()), Reads::File(&self.poses)])?;

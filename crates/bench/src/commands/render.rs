@@ -1,15 +1,14 @@
 //! `corf render`: a reconstructed field at any poses.
 
+use super::open_flags::OpenFlags;
 use super::{Verdict, show};
 use crate::charts::{self, ColourMap, Sensors};
-use crate::device::DeviceChoice;
 use crate::files::json;
 use crate::files::separation::{Reads, keep_apart};
-use crate::metrics::input::Verify;
 use crate::render::poses::{self, PoseFile, PoseFrame};
 use crate::render::video::Video;
 use crate::run::claim_output;
-use crate::run::open::{self, OpenRun};
+use crate::run::open::OpenRun;
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
 use crate::uncertainty::{Calibration, TrainingKeyframes};
@@ -74,17 +73,11 @@ pub struct Render {
     /// Output folder.
     #[arg(long)]
     out: PathBuf,
-    /// Dataset folder, if it has moved since.
-    #[arg(long)]
-    dataset: Option<PathBuf>,
     /// Write into a folder that holds renderings already; poses rendered before are skipped.
     #[arg(long)]
     resume: bool,
     #[command(flatten)]
-    verify: Verify,
-    /// Device that renders the field: auto, cpu, gpu, or gpu:N for the N-th adapter.
-    #[arg(long, default_value_t)]
-    device: DeviceChoice,
+    opened: OpenFlags,
 }
 
 /// `render.json`: what the pictures in a folder are of.
@@ -149,7 +142,7 @@ impl Render {
             bail!("--radius {radius} is no radius\n  help: give metres, e.g. 2");
         }
         let video = self.video.as_deref().map(|file| Video::plan(file, self.fps)).transpose()?;
-        let mut run = open::open(&self.run, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
+        let (mut run, _) = self.opened.open(&self.run)?;
         let mut reads = vec![Reads::Folder(&self.run), Reads::Folder(run.input.dataset.dir())];
         keep_apart("--out", &self.out, &reads)?;
         reads.extend(self.poses.as_deref().map(Reads::File));

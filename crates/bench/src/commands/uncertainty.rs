@@ -1,8 +1,9 @@
 //! `corf uncertainty`: how far predicted decibels may be off, and where to measure next.
 
+use super::open_flags::OpenFlags;
 use super::{Verdict, show};
 use crate::charts::{self, ColourMap, Sensors};
-use crate::device::{Backend, DeviceChoice};
+use crate::device::Backend;
 use crate::files::ending::check_file;
 use crate::files::json::write_numbers;
 use crate::files::separation::{Reads, keep_apart};
@@ -38,14 +39,8 @@ pub enum Uncertainty {
 struct Of {
     /// Run folder of `corf reconstruct`.
     run: PathBuf,
-    /// Dataset folder, if it has moved since.
-    #[arg(long)]
-    dataset: Option<PathBuf>,
     #[command(flatten)]
-    verify: Verify,
-    /// Device that renders the field: auto, cpu, gpu, or gpu:N for the N-th adapter.
-    #[arg(long, default_value_t)]
-    device: DeviceChoice,
+    opened: OpenFlags,
 }
 
 /// `corf uncertainty fit`.
@@ -125,8 +120,7 @@ fn levels(predictor: &mut dyn Predictor, pose: &Rigid3) -> Result<Raster<f32>> {
 
 impl Of {
     fn open(&self) -> Result<Field> {
-        let backend = self.device.resolve()?;
-        let mut run = open::open(&self.run, self.dataset.as_deref(), self.verify, &backend)?;
+        let (mut run, backend) = self.opened.open(&self.run)?;
         let train = run.split.train.clone();
         let mut progress = Progress::start("training keyframes", train.len(), "keyframes");
         let mut done = 0;
@@ -245,7 +239,7 @@ impl Fit {
         );
         let mut field = self.of.open()?;
         self.of.keep_apart("--out", Some(&self.out), &field.run)?;
-        let mut others = ensemble(&self.ensemble, &field, self.of.dataset.as_deref())?;
+        let mut others = ensemble(&self.ensemble, &field, self.of.opened.dataset.as_deref())?;
         let examples = field.examples(&mut others, |_, _, _| ())?;
         let (info, dataset) = (&field.run.info, &field.run.input.dataset);
         let of = [dataset.header().name.as_str(), dataset.hash()];
@@ -301,7 +295,7 @@ impl Check {
             "--figure-keyframe {shown}: it is not held out\n  help: held out are {}",
             held_out.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")
         );
-        let mut others = ensemble(&self.ensemble, &field, self.of.dataset.as_deref())?;
+        let mut others = ensemble(&self.ensemble, &field, self.of.opened.dataset.as_deref())?;
         let mut figure = None;
         let sensors = Sensors::of(&field.run.input.dataset);
         let title = format!("{}: held-out keyframe {} of {}", info.method, shown + 1, field.run.input.dataset.header().name);
