@@ -23,6 +23,7 @@ use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, color};
 use free_space::FreeSpaceLink;
 use lpips::LpipsComparer;
 use outage::{BeamGains, LinkRates};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -195,6 +196,27 @@ impl Evaluator {
 
     /// All metrics of what is predicted of a keyframe, as far as it was observed.
     pub fn compare(&self, predicted: Halves<'_>, truth: &Keyframe) -> FrameMetrics {
+        let shown = self.shown(predicted, truth);
+        self.with_lpips(shown.metrics(truth), &shown)
+    }
+
+    /// [`Self::compare`] of several keyframes at once, in their order. LPIPS alone is computed of one after the other: a network takes all threads by
+    /// itself, and a gigabyte for a large image.
+    pub fn compare_all(&self, pairs: &[(Halves<'_>, &Keyframe)]) -> Vec<FrameMetrics> {
+        let compared = pairs.par_iter().map(|(predicted, truth)| {
+            let shown = self.shown(*predicted, truth);
+            (shown.metrics(truth), shown)
+        });
+        compared.collect::<Vec<_>>().into_iter().map(|(metrics, shown)| self.with_lpips(metrics, &shown)).collect()
+    }
+
+    fn with_lpips(&self, metrics: FrameMetrics, shown: &Shown<'_>) -> FrameMetrics {
+        let images = shown.images.iter().map(|(image, truth)| (lpips::LIGHT, image, *truth));
+        let spectra = shown.spectra.iter().map(|(_, pair)| (lpips::SPECTRUM, &pair.jet, &pair.jet_truth));
+        FrameMetrics { lpips: self.lpips.compare(&images.chain(spectra).collect::<Vec<_>>()), ..metrics }
+    }
+
+    fn shown<'a>(&'a self, predicted: Halves<'a>, truth: &'a Keyframe) -> Shown<'a> {
         let light = predicted.image.zip(truth.light.as_ref());
         let mask = light.and_then(|(_, truth)| truth.mask.as_ref());
         // An image none of whose pixels count is not compared. Where a pixel does not count, the observation is shown, so that nothing is found
@@ -212,18 +234,32 @@ impl Evaluator {
             (Some(predicted), Some(radio), Some(evaluator)) => Some((evaluator, evaluator.pair(predicted, &radio.spectrum))),
             _ => None,
         };
-        let pairs: Vec<_> = (images.iter().map(|(image, truth)| (lpips::LIGHT, image, *truth)))
-            .chain(spectra.iter().map(|(_, pair)| (lpips::SPECTRUM, &pair.jet, &pair.jet_truth)))
-            .collect();
+        Shown { images, mask, masked_out, spectra }
+    }
+}
+
+/// A prediction beside its keyframe, as both are compared.
+struct Shown<'a> {
+    /// 8-bit images, where there are two and a pixel of them counts.
+    images: Option<(Raster<[u8; 3]>, &'a Raster<[u8; 3]>)>,
+    mask: Option<&'a Raster<bool>>,
+    /// Whether no pixel counts.
+    masked_out: bool,
+    spectra: Option<(&'a SpectrumEvaluator, SpectrumPair<'a>)>,
+}
+
+impl Shown<'_> {
+    /// All metrics but LPIPS.
+    fn metrics(&self, truth: &Keyframe) -> FrameMetrics {
         FrameMetrics {
             index: truth.index,
-            masked_out,
-            light: images.as_ref().map(|(image, truth)| LightMetrics {
-                psnr_opt: image::psnr(image, truth, mask),
-                ssim_opt: image::ssim(image, truth, mask),
+            masked_out: self.masked_out,
+            light: self.images.as_ref().map(|(image, truth)| LightMetrics {
+                psnr_opt: image::psnr(image, truth, self.mask),
+                ssim_opt: image::ssim(image, truth, self.mask),
             }),
-            spectrum: spectra.as_ref().map(|(evaluator, pair)| evaluator.compare(pair, &truth.world_from_camera)),
-            lpips: self.lpips.compare(&pairs),
+            spectrum: self.spectra.as_ref().map(|(evaluator, pair)| evaluator.compare(pair, &truth.world_from_camera)),
+            lpips: BTreeMap::new(),
         }
     }
 }

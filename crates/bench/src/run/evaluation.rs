@@ -9,12 +9,14 @@ use crate::terminal::interrupt;
 use anyhow::{Context, Result};
 use corf_scene::Keyframe;
 use corf_scene::dataset::Dataset;
+use rayon::prelude::*;
 
-/// The held-out keyframes, read one by one; an interrupt ends them with its error.
-fn held_out<'a>(dataset: &'a Dataset, split: &'a Split) -> impl Iterator<Item = Result<Keyframe>> + 'a {
-    split.held_out.iter().map(|&index| {
+/// The held-out keyframes, as many at a time as there are threads to compare them; an interrupt ends them with its error.
+fn held_out<'a>(dataset: &'a Dataset, split: &'a Split) -> impl Iterator<Item = Result<Vec<Keyframe>>> + 'a {
+    split.held_out.chunks(rayon::current_num_threads()).map(|some| {
         interrupt::check()?;
-        dataset.keyframe(index).with_context(|| format!("while reading held-out keyframe {index}"))
+        let read = |&index: &usize| dataset.keyframe(index).with_context(|| format!("while reading held-out keyframe {index}"));
+        some.par_iter().map(read).collect()
     })
 }
 
@@ -31,11 +33,16 @@ pub fn evaluate(
     split.check_held_out()?;
     let evaluator = Evaluator::of(input);
     let mut frames = Vec::new();
-    for truth in held_out(&input.dataset, split) {
-        let truth = truth?;
-        let prediction = predictor.render(&truth.world_from_camera)?.within(truth.modalities());
-        frames.push(evaluator.compare(prediction.halves(), &truth));
-        look(&truth, &prediction)?;
+    for truths in held_out(&input.dataset, split) {
+        let truths = truths?;
+        let mut predict = |truth: &Keyframe| -> Result<Prediction> {
+            interrupt::check()?;
+            Ok(predictor.render(&truth.world_from_camera)?.within(truth.modalities()))
+        };
+        let predictions = truths.iter().map(&mut predict).collect::<Result<Vec<_>>>()?;
+        let pairs: Vec<_> = predictions.iter().map(Prediction::halves).zip(&truths).collect();
+        frames.extend(evaluator.compare_all(&pairs));
+        truths.iter().zip(&predictions).try_for_each(|(truth, prediction)| look(truth, prediction))?;
     }
     Ok(frames)
 }
@@ -54,11 +61,13 @@ pub fn evaluate_folder(
     split.check_held_out()?;
     let (dataset, evaluator) = (&input.dataset, Evaluator::of(input));
     let (mut frames, mut tally) = (Vec::new(), Tally::default());
-    for truth in held_out(dataset, split) {
-        let truth = truth?;
-        let predicted = folder.read(truth.index, dataset, &mut tally)?;
-        frames.push(evaluator.compare(predicted.halves(), &truth));
-        look(&truth, predicted.halves())?;
+    for truths in held_out(dataset, split) {
+        let truths = truths?;
+        let mut predicted = |truth: &Keyframe| folder.read(truth.index, dataset, &mut tally);
+        let predictions = truths.iter().map(&mut predicted).collect::<Result<Vec<_>>>()?;
+        let pairs: Vec<_> = predictions.iter().map(|predicted| predicted.halves()).zip(&truths).collect();
+        frames.extend(evaluator.compare_all(&pairs));
+        truths.iter().zip(&predictions).try_for_each(|(truth, predicted)| look(truth, predicted.halves()))?;
     }
     Ok((frames, folder.warnings(&tally, dataset.db_range().as_ref())))
 }
