@@ -1,10 +1,8 @@
 //! Emitters: points of which each sends power to the receiver.
 //!
 //! An emitter at x is received at r as a plane wave of the power exp(g)/|x − r|² from the direction of x − r, where g, its log gain, is
-//! b + Σ_k φ_k(r)·w_k, or b + ln Σ_k φ_k(r)·exp(w_k): a gain of its own and a correction for where it is seen from, interpolated between
-//! [`Anchors`](super::anchors::Anchors) as they say ([`Between`]).
+//! b + Σ_k φ_k(r)·w_k: a gain of its own and a correction for where it is seen from, interpolated between [`Anchors`](super::anchors::Anchors).
 
-use super::anchors::Between;
 use super::wave::{WAVES_PER_TASK, Wave, dot};
 use crate::files::tensors::{Tensor, Tensors};
 use crate::{Real, Result};
@@ -35,8 +33,6 @@ pub struct Receiver<T> {
     /// Rows of the rotation from the world into the array's frame.
     pub(super) array_from_world: [[T; 3]; 3],
     weights: Vec<(usize, T)>,
-    /// What is interpolated between its anchors.
-    pub(super) between: Between,
     /// Whether what comes from behind the array is left out.
     pub(super) gated: bool,
     /// Greatest power of a wave.
@@ -56,18 +52,11 @@ impl<T: Real> Receiver<T> {
             place: world_from_camera.translation.to_array().map(T::of),
             array_from_world: [row(0), row(1), row(2)],
             weights: weights.iter().map(|(k, w)| (*k, T::of(*w))).collect(),
-            between: Between::Logs,
             gated,
             most_power: T::of(f64::INFINITY),
             pattern: AntennaPattern::Iso,
             frame: None,
         }
-    }
-
-    /// The same, between whose anchors this is interpolated.
-    pub fn between(mut self, between: Between) -> Self {
-        self.between = between;
-        self
     }
 
     /// The same, of elements with a pattern: a wave's power is what one of them receives.
@@ -105,25 +94,7 @@ impl<T: Real> Cloud<T> {
     fn log_gain<U: Real>(&self, emitter: usize, receiver: &Receiver<U>) -> U {
         let own: U = in_precision(self.gain[emitter]);
         let corrections = receiver.weights.iter().map(|(k, w)| (*w, in_precision::<T, U>(self.seen_from[*k][emitter])));
-        match receiver.between {
-            // In the order in which it has always been added up.
-            Between::Logs => corrections.fold(own, |sum, (w, correction)| sum + w * correction),
-            Between::Powers => own + receiver.between.mean(corrections),
-        }
-    }
-
-    /// Parts that a receiver's anchors have in the power of an emitter, which sum to 1, in the order of its weights, instead of what is in `parts`.
-    pub(super) fn parts(&self, emitter: usize, receiver: &Receiver<T>, parts: &mut Vec<T>) {
-        parts.clear();
-        let weights = receiver.weights.iter();
-        match receiver.between {
-            Between::Logs => parts.extend(weights.map(|w| w.1)),
-            Between::Powers => {
-                let corrections = weights.map(|(k, w)| (*w, self.seen_from[*k][emitter]));
-                let mean = receiver.between.mean(corrections.clone());
-                parts.extend(corrections.map(|(w, correction)| w * (correction - mean).exp()));
-            }
-        }
+        corrections.fold(own, |sum, (w, correction)| sum + w * correction)
     }
 
     /// The waves that reach a receiver, in its precision, with the emitters they come from, ascending; `extent2` is the variance of an emitter's
@@ -221,10 +192,11 @@ impl Cloud<f32> {
     }
 
     /// Adds an anchor, near others by these weights: emitters are seen from it as interpolation would have it.
-    pub(super) fn add_anchor(&mut self, weights: &[(usize, f64)], between: Between) {
+    pub(super) fn add_anchor(&mut self, weights: &[(usize, f64)]) {
         let seen = &self.seen_from;
         let corrections = |emitter: usize| weights.iter().map(move |(k, weight)| (*weight as f32, seen[*k][emitter]));
-        let row = (0..self.len()).map(|emitter| between.mean(corrections(emitter))).collect();
+        let mean = |emitter| corrections(emitter).fold(0.0, |sum, (weight, correction)| sum + weight * correction);
+        let row = (0..self.len()).map(mean).collect();
         self.seen_from.push(row);
     }
 }

@@ -1,7 +1,6 @@
 //! Settings of the radio field.
 
 use super::SensorSettings;
-use super::anchors::Between;
 use crate::{Error, IdleKey, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -37,8 +36,6 @@ pub struct ArrayConfig {
     pub anchor_spacing_m: f64,
     /// Width of an anchor's kernel, metres.
     pub anchor_width_m: f64,
-    /// What is interpolated between the anchors of an emitter: the logarithm of its power, or its power.
-    pub between_anchors: Between,
     /// What stands for surfaces; when not given, points where the spectra are an array's beams and splats where they are lobes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub surface: Option<Surface>,
@@ -77,7 +74,6 @@ impl Default for ArrayConfig {
             visibility: 0.5,
             anchor_spacing_m: 0.3,
             anchor_width_m: 0.5,
-            between_anchors: Between::Logs,
             surface: None,
             point_spacing_m: 0.2,
             point_extent: 0.3,
@@ -123,7 +119,6 @@ impl ArrayConfig {
             ("refine_sources", self.sources, SOURCES),
             ("anchor_spacing_m", self.visibility > 0.0, "it counts with a visibility above 0 alone"),
             ("anchor_width_m", self.visibility > 0.0, "it counts with a visibility above 0 alone"),
-            ("between_anchors", self.visibility > 0.0, "it counts with a visibility above 0 alone"),
         ])
     }
 

@@ -43,7 +43,6 @@ impl ArrayField {
         let most = self.most_power.unwrap_or(f64::INFINITY);
         let receiver =
             Receiver::new(world_from_camera, &weights, self.sensor.is_gated()).of_power_up_to(most).of_elements(self.pattern);
-        let receiver = receiver.between(self.anchors.between);
         if self.half_space { receiver } else { receiver.within(&self.camera) }
     }
 

@@ -76,7 +76,6 @@ pub(super) fn prune(sources: &mut Cloud<f32>, receivers: &[&Receiver<f32>], leas
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::array_field::anchors::Between;
     use crate::array_field::peaks::SpectrumRay;
     use corf_scene::Rigid3;
     use corf_scene::config::AntennaPattern;
@@ -155,7 +154,7 @@ mod tests {
         cloud.push([6.0, 1.0, 1.5], 0.0);
         cloud.push([-6.0, 1.0, 1.5], 9.0);
         cloud.push([5.0, -1.0, 1.5], 1.0);
-        cloud.add_anchor(&[], Between::Logs);
+        cloud.add_anchor(&[]);
         cloud.seen_from[0] = vec![1.0, -30.0, 2.0, 3.0];
         prune(&mut cloud, &receivers.iter().collect::<Vec<_>>(), 1e-3);
         assert_eq!(cloud.position, [[5.0, 0.0, 1.5], [5.0, -1.0, 1.5]]);

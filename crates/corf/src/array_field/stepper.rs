@@ -1,6 +1,5 @@
 //! Training steps of a radio field, on either device: residuals are taken off in proportion to the part that an emitter has in each pixel.
 
-use super::anchors::Between;
 use super::cloud::Receiver;
 use super::field::ArrayField;
 use super::sensor::ArraySensor;
@@ -10,8 +9,6 @@ use corf_scene::Rigid3;
 
 /// Bounds of log gains, nepers.
 pub(super) const MOST_GAIN: f32 = 40.0;
-/// Bounds of corrections where powers are interpolated, nepers: an anchor that has none at all of a power would never get any.
-pub(super) const MOST_SEEN: f32 = 12.0;
 
 /// What a step depends on beside field and view; [`ArrayConfig`](super::ArrayConfig) says what each is.
 #[derive(Clone, Copy, Debug)]
@@ -102,24 +99,16 @@ impl CpuStepper {
         let damping = rule.damping * accounted / waves.len().max(1) as f32;
         let weights = view.receiver.weights();
         let share = if weights.is_empty() { 0.0 } else { rule.visibility };
-        let mut parts = Vec::with_capacity(weights.len());
+        let norm: f32 = weights.iter().map(|(_, weight)| weight * weight).sum();
         for (i, ((emitter, wave), pull)) in seen.iter().zip(&pulls).enumerate() {
             let cloud = if i < count { &mut field.sources } else { &mut field.points };
             let emitter = *emitter as usize;
             let step = -rule.rate * wave.power * pull[0] / (wave.power * pull[1] + damping);
             let step = step.min((most_power / wave.power).ln());
-            // A correction goes where the power comes from.
-            cloud.parts(emitter, &view.receiver, &mut parts);
             let gain = &mut cloud.gain[emitter];
             *gain = (*gain + (1.0 - share) * step).clamp(-MOST_GAIN, MOST_GAIN);
-            let norm: f32 = parts.iter().map(|part| part * part).sum();
-            let (least, most) = match view.receiver.between {
-                Between::Logs => (f32::NEG_INFINITY, f32::INFINITY),
-                Between::Powers => (-MOST_SEEN, MOST_SEEN),
-            };
-            for ((k, _), part) in weights.iter().zip(&parts) {
-                let seen = &mut cloud.seen_from[*k][emitter];
-                *seen = (*seen + share * part / norm * step).clamp(least, most);
+            for (k, weight) in weights {
+                cloud.seen_from[*k][emitter] += share * weight / norm * step;
             }
         }
         mean_square

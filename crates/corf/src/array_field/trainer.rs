@@ -72,7 +72,7 @@ impl ArrayTrainer {
             over_splats,
             most_power: Some(10f64.powf(0.1 * (range.max_db + settings.unseen_db())) / settings.peak()),
             extent_m: config.point_extent * config.point_spacing_m,
-            anchors: Anchors { positions_m: vec![], width_m: config.anchor_width_m, between: config.between_anchors },
+            anchors: Anchors { positions_m: vec![], width_m: config.anchor_width_m },
             sources: Cloud::default(),
             points: Cloud::default(),
         };
@@ -206,8 +206,8 @@ impl ArrayTrainer {
         if !self.field.anchors.positions_m.iter().any(near) {
             let weights = self.field.anchors.weights(place);
             self.field.anchors.positions_m.push(place);
-            self.field.sources.add_anchor(&weights, self.config.between_anchors);
-            self.field.points.add_anchor(&weights, self.config.between_anchors);
+            self.field.sources.add_anchor(&weights);
+            self.field.points.add_anchor(&weights);
         }
     }
 

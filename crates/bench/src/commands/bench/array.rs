@@ -9,7 +9,7 @@ use crate::record::provenance::Provenance;
 use crate::terminal::interrupt;
 use anyhow::{Result, ensure};
 use clap::{Args, ValueEnum};
-use corf::array_field::anchors::{Anchors, Between};
+use corf::array_field::anchors::Anchors;
 use corf::array_field::cloud::Cloud;
 use corf::array_field::{ArrayConfig, ArrayField, ArrayTrainer, Observer, SensorSettings};
 use corf_scene::keyframe::DbRange;
@@ -237,7 +237,7 @@ impl Array {
             over_splats: kind == Kind::Mpc,
             most_power: None,
             extent_m: 0.06,
-            anchors: Anchors { positions_m: (0..self.anchors).map(along).collect(), width_m: 0.5, between: Between::default() },
+            anchors: Anchors { positions_m: (0..self.anchors).map(along).collect(), width_m: 0.5 },
             sources: cloud(self.sources, self.anchors, 1),
             points: cloud(points, self.anchors, 2),
         }

@@ -1,6 +1,5 @@
 //! What a dispatch is told: constants, and the receivers with the anchors they are near.
 
-use super::super::anchors::Between;
 use super::super::cloud::Receiver;
 use super::super::{ArrayField, SensorSettings};
 use bytemuck::Zeroable;
@@ -54,8 +53,7 @@ record! {
         /// Σ of its weights' squares.
         norm: f32,
         up: [f32; 3],
-        /// Whether powers are interpolated between anchors, instead of their logarithms.
-        powers: u32,
+        padding: u32,
     }
 }
 
@@ -99,7 +97,7 @@ impl Receivers {
             left,
             norm: weights.iter().map(|w| w.1 * w.1).sum(),
             up,
-            powers: u32::from(receiver.between == Between::Powers),
+            padding: 0,
         });
         self.anchors.extend(weights.iter().map(|(k, weight)| Near { number: *k as u32, weight: *weight }));
     }

@@ -3,7 +3,7 @@
 use super::super::SensorSettings;
 use super::super::cloud::NEAREST_M;
 use super::super::lobes::{REACH, WIDEST};
-use super::super::stepper::{MOST_GAIN, MOST_SEEN};
+use super::super::stepper::MOST_GAIN;
 use super::job::declarations;
 use crate::{Error, Result};
 use corf_gpu::{GROUP_NUMBER, SIN_COS};
@@ -187,8 +187,8 @@ impl Shape {
     }
 
     pub fn update(self) -> String {
-        let bounds = format!("const MOST_GAIN = {MOST_GAIN:?};\nconst MOST_SEEN = {MOST_SEEN:?};\n");
-        self.head() + &bounds + REDUCE + include_str!("shaders/between.wgsl") + include_str!("shaders/update.wgsl")
+        let bounds = format!("const MOST_GAIN = {MOST_GAIN:?};\n");
+        self.head() + &bounds + REDUCE + include_str!("shaders/update.wgsl")
     }
 
     fn capon_or<'a>(self, capon: &'a str, other: &'a str) -> &'a str {

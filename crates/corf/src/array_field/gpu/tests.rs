@@ -5,7 +5,7 @@
 use super::shape::Shape;
 use super::stepper::GpuStepper;
 use super::{GpuObserver, forms};
-use crate::array_field::anchors::{Anchors, Between};
+use crate::array_field::anchors::Anchors;
 use crate::array_field::cloud::Cloud;
 use crate::array_field::stepper::{CpuStepper, Rule, Stepper, View};
 use crate::array_field::tests as online;
@@ -64,7 +64,6 @@ fn field(sensor: SensorSettings, sources: usize, points: usize, camera: Pinhole)
         most_power: Some(2e-9),
         extent_m: 0.06,
         anchors: Anchors {
-            between: Between::Logs,
             positions_m: (0..anchors).map(|i| DVec3::new(6.0 + 0.5 * i as f64, 8.0, 1.5)).collect(),
             width_m: 0.5,
         },
@@ -95,13 +94,7 @@ fn all_power(field: &ArrayField, pose: &Rigid3) -> f64 {
 fn fields() -> Vec<ArrayField> {
     let plain = |sensor| field(sensor, 7, 700, camera());
     let framed = |sensor| ArrayField { half_space: false, ..plain(sensor) };
-    let of_powers = |field: ArrayField| {
-        let anchors = Anchors { between: Between::Powers, ..field.anchors.clone() };
-        ArrayField { anchors, ..field }
-    };
     vec![
-        of_powers(plain(beam([8, 6], true))),
-        of_powers(plain(SensorSettings::Lobes { width_deg: 3.0 })),
         plain(beam([8, 6], true)),
         plain(beam([16, 16], false)),
         plain(beam([1, 3], true)),

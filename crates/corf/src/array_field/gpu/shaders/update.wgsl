@@ -25,25 +25,8 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let receiver = receivers[job.first];
     let share = select(job.share, 0.0, receiver.anchors == 0u);
     gains[e] = clamp(gains[e] + (1.0 - share) * step, -MOST_GAIN, MOST_GAIN);
-    if (receiver.powers == 0u) {
-        for (var k = 0u; k < receiver.anchors; k++) {
-            let anchor = anchors[receiver.first + k];
-            seen_from[anchor.number * job.emitters + e] += share * anchor.weight / receiver.norm * step;
-        }
-        return;
-    }
-    // A correction goes where the power comes from.
-    let mean = correction(e, receiver);
-    var norm = 0.0;
     for (var k = 0u; k < receiver.anchors; k++) {
         let anchor = anchors[receiver.first + k];
-        let part = anchor.weight * exp(seen_from[anchor.number * job.emitters + e] - mean);
-        norm += part * part;
-    }
-    for (var k = 0u; k < receiver.anchors; k++) {
-        let anchor = anchors[receiver.first + k];
-        let at = anchor.number * job.emitters + e;
-        let part = anchor.weight * exp(seen_from[at] - mean);
-        seen_from[at] = clamp(seen_from[at] + share * part / norm * step, -MOST_SEEN, MOST_SEEN);
+        seen_from[anchor.number * job.emitters + e] += share * anchor.weight / receiver.norm * step;
     }
 }
