@@ -488,8 +488,11 @@ mod tests {
             "blocks-lobby147.toml",
             "blocks-office480.toml",
             "density-lobby147.toml",
+            "density-lobby147-bartlett.toml",
             "density-office480.toml",
             "demo.toml",
+            "measured-rfid.toml",
+            "measured-rfid-blocks.toml",
             "paper.toml",
         ] {
             crate::experiment::plan::Plan::load(&scenes.join(plan)).unwrap();

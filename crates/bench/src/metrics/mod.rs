@@ -197,7 +197,7 @@ impl Evaluator {
     /// All metrics of what is predicted of a keyframe, as far as it was observed.
     pub fn compare(&self, predicted: Halves<'_>, truth: &Keyframe) -> FrameMetrics {
         let shown = self.shown(predicted, truth);
-        self.with_lpips(shown.metrics(truth), &shown)
+        self.with_lpips(shown.metrics(), &shown)
     }
 
     /// [`Self::compare`] of several keyframes at once, in their order. LPIPS alone is computed of one after the other: a network takes all threads by
@@ -205,15 +205,16 @@ impl Evaluator {
     pub fn compare_all(&self, pairs: &[(Halves<'_>, &Keyframe)]) -> Vec<FrameMetrics> {
         let compared = pairs.par_iter().map(|(predicted, truth)| {
             let shown = self.shown(*predicted, truth);
-            (shown.metrics(truth), shown)
+            (shown.metrics(), shown)
         });
         compared.collect::<Vec<_>>().into_iter().map(|(metrics, shown)| self.with_lpips(metrics, &shown)).collect()
     }
 
     fn with_lpips(&self, metrics: FrameMetrics, shown: &Shown<'_>) -> FrameMetrics {
-        let images = shown.images.iter().map(|(image, truth)| (lpips::LIGHT, image, *truth));
-        let spectra = shown.spectra.iter().map(|(_, pair)| (lpips::SPECTRUM, &pair.jet, &pair.jet_truth));
-        FrameMetrics { lpips: self.lpips.compare(&images.chain(spectra).collect::<Vec<_>>()), ..metrics }
+        let images = shown.images().map(|(image, truth)| (lpips::LIGHT, image, truth));
+        let spectra = shown.spectra.as_ref().map(|(_, pair)| (lpips::SPECTRUM, &pair.jet, &pair.jet_truth));
+        let pairs: Vec<_> = images.into_iter().chain(spectra).collect();
+        FrameMetrics { lpips: self.lpips.compare(&pairs), ..metrics }
     }
 
     fn shown<'a>(&'a self, predicted: Halves<'a>, truth: &'a Keyframe) -> Shown<'a> {
@@ -222,26 +223,28 @@ impl Evaluator {
         // An image none of whose pixels count is not compared. Where a pixel does not count, the observation is shown, so that nothing is found
         // there.
         let masked_out = mask.is_some_and(|mask| image::share(mask) == 0.0);
-        let images = light.filter(|_| !masked_out).map(|(predicted, truth)| {
+        let image = light.filter(|_| !masked_out).map(|(predicted, truth)| {
             let predicted = predicted.map(|p| p.map(color::quantize8));
-            let shown = match mask {
+            match mask {
                 Some(mask) => image::unmasked(&predicted, &truth.image, mask),
                 None => predicted,
-            };
-            (shown, &truth.image)
+            }
         });
         let spectra = match (predicted.spectrum, &truth.radio, &self.spectra) {
             (Some(predicted), Some(radio), Some(evaluator)) => Some((evaluator, evaluator.pair(predicted, &radio.spectrum))),
             _ => None,
         };
-        Shown { images, mask, masked_out, spectra }
+        Shown { truth, image, mask, masked_out, spectra }
     }
 }
 
+type TwoImages<'a> = (&'a Raster<[u8; 3]>, &'a Raster<[u8; 3]>);
+
 /// A prediction beside its keyframe, as both are compared.
 struct Shown<'a> {
-    /// 8-bit images, where there are two and a pixel of them counts.
-    images: Option<(Raster<[u8; 3]>, &'a Raster<[u8; 3]>)>,
+    truth: &'a Keyframe,
+    /// The predicted image in 8 bits, where there are two and a pixel of them counts.
+    image: Option<Raster<[u8; 3]>>,
     mask: Option<&'a Raster<bool>>,
     /// Whether no pixel counts.
     masked_out: bool,
@@ -249,16 +252,21 @@ struct Shown<'a> {
 }
 
 impl Shown<'_> {
+    /// The predicted image and the observed one.
+    fn images(&self) -> Option<TwoImages<'_>> {
+        self.image.as_ref().zip(self.truth.light.as_ref().map(|light| &light.image))
+    }
+
     /// All metrics but LPIPS.
-    fn metrics(&self, truth: &Keyframe) -> FrameMetrics {
+    fn metrics(&self) -> FrameMetrics {
         FrameMetrics {
-            index: truth.index,
+            index: self.truth.index,
             masked_out: self.masked_out,
-            light: self.images.as_ref().map(|(image, truth)| LightMetrics {
+            light: self.images().map(|(image, truth)| LightMetrics {
                 psnr_opt: image::psnr(image, truth, self.mask),
                 ssim_opt: image::ssim(image, truth, self.mask),
             }),
-            spectrum: self.spectra.as_ref().map(|(evaluator, pair)| evaluator.compare(pair, &truth.world_from_camera)),
+            spectrum: self.spectra.as_ref().map(|(evaluator, pair)| evaluator.compare(pair, &self.truth.world_from_camera)),
             lpips: BTreeMap::new(),
         }
     }

@@ -92,9 +92,8 @@ impl<T: Real> Cloud<T> {
 
     /// Log gain of an emitter for a receiver.
     fn log_gain<U: Real>(&self, emitter: usize, receiver: &Receiver<U>) -> U {
-        let own: U = in_precision(self.gain[emitter]);
-        let corrections = receiver.weights.iter().map(|(k, w)| (*w, in_precision::<T, U>(self.seen_from[*k][emitter])));
-        corrections.fold(own, |sum, (w, correction)| sum + w * correction)
+        let own = in_precision(self.gain[emitter]);
+        receiver.weights.iter().fold(own, |sum, (k, w)| sum + *w * in_precision(self.seen_from[*k][emitter]))
     }
 
     /// The waves that reach a receiver, in its precision, with the emitters they come from, ascending; `extent2` is the variance of an emitter's
@@ -193,10 +192,10 @@ impl Cloud<f32> {
 
     /// Adds an anchor, near others by these weights: emitters are seen from it as interpolation would have it.
     pub(super) fn add_anchor(&mut self, weights: &[(usize, f64)]) {
-        let seen = &self.seen_from;
-        let corrections = |emitter: usize| weights.iter().map(move |(k, weight)| (*weight as f32, seen[*k][emitter]));
-        let mean = |emitter| corrections(emitter).fold(0.0, |sum, (weight, correction)| sum + weight * correction);
-        let row = (0..self.len()).map(mean).collect();
+        let mut row = vec![0.0; self.len()];
+        for (k, weight) in weights {
+            row.iter_mut().zip(&self.seen_from[*k]).for_each(|(to, from)| *to += *weight as f32 * from);
+        }
         self.seen_from.push(row);
     }
 }

@@ -98,8 +98,8 @@ impl CpuStepper {
         let most_power = field.most_power.map_or(f32::INFINITY, |most| most as f32);
         let damping = rule.damping * accounted / waves.len().max(1) as f32;
         let weights = view.receiver.weights();
+        let norm: f32 = weights.iter().map(|w| w.1 * w.1).sum();
         let share = if weights.is_empty() { 0.0 } else { rule.visibility };
-        let norm: f32 = weights.iter().map(|(_, weight)| weight * weight).sum();
         for (i, ((emitter, wave), pull)) in seen.iter().zip(&pulls).enumerate() {
             let cloud = if i < count { &mut field.sources } else { &mut field.points };
             let emitter = *emitter as usize;

@@ -153,16 +153,7 @@ impl ArrayTrainer {
     /// A field of another sensor, camera or configuration.
     pub fn restore(&mut self, field: ArrayField, keyframes: usize) -> Result<()> {
         let fixed = |f: &ArrayField| {
-            (
-                f.sensor,
-                f.pattern,
-                f.camera,
-                f.half_space,
-                f.over_splats,
-                f.most_power,
-                f.extent_m,
-                (f.anchors.width_m, f.anchors.between),
-            )
+            (f.sensor, f.pattern, f.camera, f.half_space, f.over_splats, f.most_power, f.extent_m, f.anchors.width_m)
         };
         if fixed(&field) != fixed(&self.field) {
             let what = "it is of another sensor, camera or configuration";

@@ -55,7 +55,7 @@ pub struct GeometryConfig {
     /// Times that every spectrum is trained on, at full resolution. Default 60.
     #[serde(default = "GeometryConfig::usual_epochs")]
     pub epochs: usize,
-    /// Radio opacity to begin with. Default `run`.
+    /// Radio opacity to begin with. Default `optical`.
     #[serde(default)]
     pub opacity: StartOpacity,
     /// Share of the rates under `optimizer.rf` that is left in the last epoch; they fall by the same factor from one to the next. Default 0.1.
@@ -67,12 +67,12 @@ pub struct GeometryConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum StartOpacity {
-    /// What the run has learnt for its transmitter: what blocks one mostly blocks the other.
-    #[default]
-    Run,
     /// What the run has learnt for light.
+    #[default]
     #[serde(rename = "optical")]
     Light,
+    /// What the run has learnt for its transmitter.
+    Run,
     /// The same little opacity everywhere.
     Fresh,
 }

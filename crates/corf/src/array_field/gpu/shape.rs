@@ -100,7 +100,7 @@ impl Shape {
     }
 
     pub fn waves(self) -> String {
-        self.head() + include_str!("shaders/between.wgsl") + include_str!("shaders/waves.wgsl")
+        self.head() + include_str!("shaders/waves.wgsl")
     }
 
     /// Parts of the tables of all receivers' waves.
@@ -187,8 +187,7 @@ impl Shape {
     }
 
     pub fn update(self) -> String {
-        let bounds = format!("const MOST_GAIN = {MOST_GAIN:?};\n");
-        self.head() + &bounds + REDUCE + include_str!("shaders/update.wgsl")
+        self.head() + &format!("const MOST_GAIN = {MOST_GAIN:?};\n") + REDUCE + include_str!("shaders/update.wgsl")
     }
 
     fn capon_or<'a>(self, capon: &'a str, other: &'a str) -> &'a str {

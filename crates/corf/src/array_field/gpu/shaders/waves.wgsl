@@ -34,7 +34,11 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     if (d2 >= NEAREST_M * NEAREST_M) {
         u = vec3(dot(receiver.forward, v), dot(receiver.left, v), dot(receiver.up, v)) / sqrt(d2);
         if (is_let_in(u)) {
-            let g = gains[e] + correction(e, receiver);
+            var g = gains[e];
+            for (var k = 0u; k < receiver.anchors; k++) {
+                let anchor = anchors[receiver.first + k];
+                g += anchor.weight * seen_from[anchor.number * job.emitters + e];
+            }
             power = min(exp(min(g, MOST_EXPONENT)) / d2, job.most_power);
         }
     }
