@@ -2,7 +2,7 @@
 
 use super::{Verdict, show};
 use crate::charts::ColourMap;
-use crate::device::DeviceChoice;
+use crate::device::{Backend, DeviceChoice};
 use crate::files::output::FreshFolder;
 use crate::files::separation::{Reads, keep_apart};
 use crate::metrics::input::Verify;
@@ -66,8 +66,8 @@ pub struct Evaluate {
     colours: ColourMap,
     #[command(flatten)]
     verify: Verify,
-    /// Device that renders the field of a run: auto, cpu, gpu, or gpu:N for the N-th adapter.
-    #[arg(long, default_value_t, conflicts_with = "predictions")]
+    /// Device that renders the field of a run, and that LPIPS is computed on: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    #[arg(long, default_value_t)]
     device: DeviceChoice,
     #[command(flatten)]
     lpips: LpipsOption,
@@ -103,7 +103,8 @@ impl Evaluate {
 
     fn of_predictions(&self, folder: &Path, picture: &mut Option<Picture>) -> Result<(Record, Dataset)> {
         let dataset = self.dataset.as_deref().context("predictions are of a dataset\n  help: name it with --dataset")?;
-        let networks = self.lpips.read(&self.device.resolve()?)?;
+        let backend = if self.lpips.is_asked_for() { self.device.resolve()? } else { Backend::Cpu };
+        let networks = self.lpips.read(&backend)?;
         let input = self.verify.open_any(dataset)?.with_networks(&networks)?;
         let protocol = match self.protocol {
             Some(protocol) => protocol,

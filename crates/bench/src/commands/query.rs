@@ -26,7 +26,7 @@ use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Instant;
 
 /// Groups of spectra that wait to be summed up, at most.
-const WAITING: usize = 16;
+const WAITING: usize = 2;
 /// Rates that can be asked for, bit/s/Hz, and powers that are sent, dBm.
 const RATES_BPS_HZ: std::ops::RangeInclusive<f64> = 0.0..=100.0;
 const POWERS_DBM: std::ops::RangeInclusive<f64> = -100.0..=100.0;

@@ -4,6 +4,7 @@
 
 use crate::device::Backend;
 use crate::note;
+use crate::terminal::interrupt;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 #[cfg(feature = "gpu")]
@@ -17,6 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 #[cfg(feature = "gpu")]
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Advice to who wants LPIPS and has no weights.
 pub const NO_WEIGHTS: &str = "no weights were given (tools/fetch_weights.py gets them, --lpips names their folder)";
@@ -53,6 +55,11 @@ impl LpipsImages {
 }
 
 impl LpipsOption {
+    /// Whether it is to be computed.
+    pub fn is_asked_for(&self) -> bool {
+        self.lpips.is_some()
+    }
+
     /// The same with its folder as an absolute path.
     ///
     /// # Errors
@@ -76,7 +83,7 @@ impl LpipsOption {
     /// # Errors
     /// Those of [`LpipsNetworks::read`].
     pub fn read(&self, backend: &Backend) -> Result<Arc<LpipsNetworks>> {
-        if self.lpips.is_none() {
+        if !self.is_asked_for() {
             note!("LPIPS is not computed: {NO_WEIGHTS}");
         }
         self.networks(backend)
@@ -96,9 +103,11 @@ pub type Pair<'a> = (&'a str, &'a Raster<[u8; 3]>, &'a Raster<[u8; 3]>);
 pub struct LpipsNetworks {
     networks: Vec<Lpips>,
     images: LpipsImages,
-    /// Where they run.
-    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "the processor does it"))]
+    /// Where they are to run.
     backend: Backend,
+    /// Where they have run.
+    ran_on_gpu: AtomicBool,
+    ran_on_processor: AtomicBool,
 }
 
 impl LpipsNetworks {
@@ -117,7 +126,7 @@ impl LpipsNetworks {
                 folder.display()
             );
         }
-        Ok(Self { networks, images, backend: Backend::default() })
+        Ok(Self { networks, images, ..Self::default() })
     }
 
     /// Checks that a dataset's images are large enough for every network.
@@ -152,6 +161,14 @@ impl LpipsNetworks {
             LpipsImages::Spectra => " (spectra)",
         };
         self.networks.iter().map(|n| (format!("{}{of}", n.backbone().name()), n.sha256().to_owned())).collect()
+    }
+
+    /// The device that distances have been computed on so far: the GPU's name, `cpu`, or both; none before the first.
+    pub fn device(&self) -> Option<String> {
+        let gpu = self.ran_on_gpu.load(Ordering::Relaxed).then(|| self.backend.name());
+        let processor = self.ran_on_processor.load(Ordering::Relaxed).then(|| "cpu".to_owned());
+        let devices: Vec<String> = gpu.into_iter().chain(processor).collect();
+        (!devices.is_empty()).then(|| devices.join(" and "))
     }
 
     /// The same networks on the GPU that is asked for, in their order; none where the processor runs them: no GPU is asked for, it is an adapter in
@@ -189,28 +206,36 @@ impl LpipsComparer {
     }
 
     /// Distances of pairs of images that have a name, by key.
-    pub fn compare(&self, pairs: &[Pair<'_>]) -> BTreeMap<String, f64> {
+    ///
+    /// # Errors
+    /// An interrupt, which is looked for before each of them.
+    pub fn compare(&self, pairs: &[Pair<'_>]) -> Result<BTreeMap<String, f64>> {
         let mut found = BTreeMap::new();
         let LpipsNetworks { networks, images, .. } = &*self.networks;
         for (number, network) in networks.iter().enumerate() {
             for (name, a, b) in pairs.iter().filter(|(name, ..)| images.include(name)) {
                 for (input, mark) in [(LpipsInput::Signed, ""), (LpipsInput::Unit, "_01")] {
+                    interrupt::check()?;
                     let key = format!("lpips_{}{mark}_{name}", network.backbone().name());
                     found.insert(key, self.distance(number, a, b, input));
                 }
             }
         }
-        found
+        Ok(found)
     }
 
     fn distance(&self, number: usize, a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>, input: LpipsInput) -> f64 {
         #[cfg(feature = "gpu")]
         if let Some(network) = self.on_gpu.get_or_init(|| self.networks.on_gpu()).get(number) {
             match network.distance(a, b, input) {
-                Ok(distance) => return distance,
+                Ok(distance) => {
+                    self.networks.ran_on_gpu.store(true, Ordering::Relaxed);
+                    return distance;
+                }
                 Err(error) => note!("LPIPS of a pair of images is computed on the processor: {error}"),
             }
         }
+        self.networks.ran_on_processor.store(true, Ordering::Relaxed);
         self.networks.networks[number].distance(a, b, input)
     }
 }

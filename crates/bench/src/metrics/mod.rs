@@ -16,6 +16,7 @@ pub mod stats;
 pub use columns::{COLUMNS, Column, RADIO, Statistic};
 
 use crate::metrics::input::Input;
+use anyhow::Result;
 use beams::{BeamMetrics, Codebook};
 use corf_scene::dataset::Quantity;
 use corf_scene::keyframe::{DbRange, Modalities};
@@ -195,14 +196,20 @@ impl Evaluator {
     }
 
     /// All metrics of what is predicted of a keyframe, as far as it was observed.
-    pub fn compare(&self, predicted: Halves<'_>, truth: &Keyframe) -> FrameMetrics {
+    ///
+    /// # Errors
+    /// An interrupt.
+    pub fn compare(&self, predicted: Halves<'_>, truth: &Keyframe) -> Result<FrameMetrics> {
         let shown = self.shown(predicted, truth);
         self.with_lpips(shown.metrics(), &shown)
     }
 
     /// [`Self::compare`] of several keyframes at once, in their order. LPIPS alone is computed of one after the other: a network takes all threads by
     /// itself, and a gigabyte for a large image.
-    pub fn compare_all(&self, pairs: &[(Halves<'_>, &Keyframe)]) -> Vec<FrameMetrics> {
+    ///
+    /// # Errors
+    /// An interrupt.
+    pub fn compare_all(&self, pairs: &[(Halves<'_>, &Keyframe)]) -> Result<Vec<FrameMetrics>> {
         let compared = pairs.par_iter().map(|(predicted, truth)| {
             let shown = self.shown(*predicted, truth);
             (shown.metrics(), shown)
@@ -210,11 +217,11 @@ impl Evaluator {
         compared.collect::<Vec<_>>().into_iter().map(|(metrics, shown)| self.with_lpips(metrics, &shown)).collect()
     }
 
-    fn with_lpips(&self, metrics: FrameMetrics, shown: &Shown<'_>) -> FrameMetrics {
+    fn with_lpips(&self, metrics: FrameMetrics, shown: &Shown<'_>) -> Result<FrameMetrics> {
         let images = shown.images().map(|(image, truth)| (lpips::LIGHT, image, truth));
         let spectra = shown.spectra.as_ref().map(|(_, pair)| (lpips::SPECTRUM, &pair.jet, &pair.jet_truth));
         let pairs: Vec<_> = images.into_iter().chain(spectra).collect();
-        FrameMetrics { lpips: self.lpips.compare(&pairs), ..metrics }
+        Ok(FrameMetrics { lpips: self.lpips.compare(&pairs)?, ..metrics })
     }
 
     fn shown<'a>(&'a self, predicted: Halves<'a>, truth: &'a Keyframe) -> Shown<'a> {
@@ -366,7 +373,7 @@ mod tests {
         let truth = keyframe();
         for quantity in [Quantity::PowerPerSteradian, Quantity::BeamPower] {
             let evaluator = Evaluator::new(Pinhole::from_horizontal_fov(48, 32, 90.0), RANGE, quantity);
-            let frame = evaluator.compare(observed(&truth).halves(), &truth);
+            let frame = evaluator.compare(observed(&truth).halves(), &truth).unwrap();
             for column in computed() {
                 let value = (column.of)(&frame).unwrap();
                 let best = match column.key {
@@ -392,7 +399,7 @@ mod tests {
             let prediction = Prediction::from_scalar(None, weaker.map(|&s| wide.scalar(s)));
             *spectrum(&mut truth) = weaker;
             let evaluator = Evaluator::new(camera, wide, Quantity::PowerPerSteradian);
-            let frame = evaluator.compare(prediction.halves(), &truth).spectrum.unwrap();
+            let frame = evaluator.compare(prediction.halves(), &truth).unwrap().spectrum.unwrap();
             let (beams, link) = (frame.beams.unwrap(), frame.link.unwrap());
             assert!(beams.codebook_loss_db == 0.0 && link.best_beam == link.chosen_beam);
             assert!((link.predicted_rate_bps_hz - link.best_rate_bps_hz).abs() < 1e-3, "{link:?}");
@@ -409,8 +416,8 @@ mod tests {
         let truth = keyframe();
         let evaluator = Evaluator::new(Pinhole::from_horizontal_fov(48, 32, 90.0), RANGE, Quantity::CaponPower);
         let whole = observed(&truth);
-        let light = evaluator.compare(Halves { spectrum: None, ..whole.halves() }, &truth);
-        let radio = evaluator.compare(Halves { image: None, ..whole.halves() }, &truth);
+        let light = evaluator.compare(Halves { spectrum: None, ..whole.halves() }, &truth).unwrap();
+        let radio = evaluator.compare(Halves { image: None, ..whole.halves() }, &truth).unwrap();
         for column in computed() {
             let beam = ["codebook", "beam_top", "rate", "outage"].iter().any(|start| column.key.starts_with(start));
             let of_image = column.is_of_image();
@@ -418,10 +425,10 @@ mod tests {
             assert_eq!((column.of)(&radio).is_some(), !of_image && !beam, "{}: Capon's estimate has no beams", column.key);
         }
         // What was not observed is neither right nor wrong.
-        let seen = evaluator.compare(whole.halves(), &Keyframe { radio: None, ..truth.clone() });
-        let heard = evaluator.compare(whole.halves(), &Keyframe { light: None, ..truth.clone() });
+        let seen = evaluator.compare(whole.halves(), &Keyframe { radio: None, ..truth.clone() }).unwrap();
+        let heard = evaluator.compare(whole.halves(), &Keyframe { light: None, ..truth.clone() }).unwrap();
         assert_eq!((&seen, &heard), (&light, &radio));
-        for frame in [light, radio, evaluator.compare(whole.halves(), &truth)] {
+        for frame in [light, radio, evaluator.compare(whole.halves(), &truth).unwrap()] {
             let json = serde_json::to_value(&frame).unwrap();
             assert!(json.as_object().unwrap().values().all(|v| !v.is_null()), "{json}");
             assert_eq!(serde_json::from_value::<FrameMetrics>(json).unwrap(), frame);
@@ -436,7 +443,7 @@ mod tests {
         let evaluator = Evaluator::new(Pinhole::from_horizontal_fov(48, 32, 90.0), RANGE, Quantity::PowerPerSteradian);
         let mut predicted = observed(&truths[0]);
         predicted.image = predicted.image.map(|image| image.map(|p| p.map(|v| 0.9 * v)));
-        let frames = truths.each_ref().map(|truth| evaluator.compare(predicted.halves(), truth));
+        let frames = truths.each_ref().map(|truth| evaluator.compare(predicted.halves(), truth).unwrap());
         assert_eq!(frames.each_ref().map(|f| (f.masked_out, f.light.is_some())), [(false, true), (true, false), (false, true)]);
         for column in computed() {
             let values: Vec<f64> = frames.iter().filter_map(column.of).collect();
@@ -445,7 +452,7 @@ mod tests {
             assert!(column.statistic != Statistic::Mean || column.over(&frames) == Some(mean), "{}", column.key);
         }
         // A program that predicts no images leaves none out.
-        let radio = evaluator.compare(Halves { image: None, ..predicted.halves() }, &truths[1]);
+        let radio = evaluator.compare(Halves { image: None, ..predicted.halves() }, &truths[1]).unwrap();
         assert!(!radio.masked_out && serde_json::to_value(&radio).unwrap().get("masked_out").is_none());
     }
 
@@ -459,18 +466,18 @@ mod tests {
             computed().for_each(|c| assert!((c.of)(frame).unwrap().is_finite(), "{}", c.key));
             frame.spectrum.unwrap()
         };
-        let missed = finite(&evaluator.compare(nothing.halves(), &truth));
+        let missed = finite(&evaluator.compare(nothing.halves(), &truth).unwrap());
         let beams = missed.beams.unwrap();
         assert!(beams.beam_top1 == 0.0 && beams.codebook_loss_db > 20.0 && beams.rate_loss_percent > 50.0, "{beams:?}");
         *spectrum(&mut truth) = Raster::filled(48, 32, 0.0);
         for prediction in [&nothing, &something] {
-            let beams = finite(&evaluator.compare(prediction.halves(), &truth)).beams.unwrap();
+            let beams = finite(&evaluator.compare(prediction.halves(), &truth).unwrap()).beams.unwrap();
             // Where nothing arrives nothing can be lost.
             assert_eq!((beams.codebook_loss_db, beams.rate_loss_bps_hz, beams.rate_loss_percent), (0.0, 0.0, 0.0));
         }
         // Under the dataset's floor there is power still: what was observed is not clipped, a prediction is.
         *spectrum(&mut truth) = Raster::filled(48, 32, 1e-12);
-        let faint = finite(&evaluator.compare(nothing.halves(), &truth));
+        let faint = finite(&evaluator.compare(nothing.halves(), &truth).unwrap());
         assert_eq!(faint.radio.map(|r| (r.rmse_db, r.total_power_error_db)), Some((0.0, 70.0)));
     }
 }

@@ -73,6 +73,10 @@ pub struct Record {
     /// SHA-256 of the weights that LPIPS was computed with, by backbone; empty where it was not computed.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub lpips_weights: BTreeMap<String, String>,
+    /// Device that LPIPS was computed on: `cpu`, a GPU's name, or both where the processor did what the GPU could not; absent where it was not computed, and in
+    /// records of before, whose processor did it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lpips_device: Option<String>,
     /// Device the method ran on.
     pub device: String,
     /// Whether the method read the data set's depth, as it is or through the simulated monocular prior: the ray tracer's own, but for
@@ -452,6 +456,7 @@ pub(crate) mod tests {
             cell: None,
             provenance: Provenance::here(),
             lpips_weights: BTreeMap::from([("vgg".to_owned(), "0".repeat(64))]),
+            lpips_device: None,
             device: "cpu (2 threads)".to_owned(),
             uses_ground_truth_depth: false,
             depth_imported: false,

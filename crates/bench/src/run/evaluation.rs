@@ -11,9 +11,15 @@ use corf_scene::Keyframe;
 use corf_scene::dataset::Dataset;
 use rayon::prelude::*;
 
-/// The held-out keyframes, as many at a time as there are threads to compare them; an interrupt ends them with its error.
+/// Memory for keyframes that are compared at once, bytes, and what a pixel of one takes: images, and in double precision what SSIM sums up.
+const AT_ONCE_BYTES: usize = 2 << 30;
+const PIXEL_BYTES: usize = 128;
+
+/// The held-out keyframes, as many at a time as there are threads to compare them and memory to hold them; an interrupt ends them with its error.
 fn held_out<'a>(dataset: &'a Dataset, split: &'a Split) -> impl Iterator<Item = Result<Vec<Keyframe>>> + 'a {
-    split.held_out.chunks(rayon::current_num_threads()).map(|some| {
+    let pixels = dataset.light_camera().width * dataset.light_camera().height;
+    let at_once = (AT_ONCE_BYTES / PIXEL_BYTES / pixels.max(1)).clamp(1, rayon::current_num_threads());
+    split.held_out.chunks(at_once).map(|some| {
         interrupt::check()?;
         let read = |&index: &usize| dataset.keyframe(index).with_context(|| format!("while reading held-out keyframe {index}"));
         some.par_iter().map(read).collect()
@@ -41,7 +47,7 @@ pub fn evaluate(
         };
         let predictions = truths.iter().map(&mut predict).collect::<Result<Vec<_>>>()?;
         let pairs: Vec<_> = predictions.iter().map(Prediction::halves).zip(&truths).collect();
-        frames.extend(evaluator.compare_all(&pairs));
+        frames.extend(evaluator.compare_all(&pairs)?);
         truths.iter().zip(&predictions).try_for_each(|(truth, prediction)| look(truth, prediction))?;
     }
     Ok(frames)
@@ -66,7 +72,7 @@ pub fn evaluate_folder(
         let mut predicted = |truth: &Keyframe| folder.read(truth.index, dataset, &mut tally);
         let predictions = truths.iter().map(&mut predicted).collect::<Result<Vec<_>>>()?;
         let pairs: Vec<_> = predictions.iter().map(|predicted| predicted.halves()).zip(&truths).collect();
-        frames.extend(evaluator.compare_all(&pairs));
+        frames.extend(evaluator.compare_all(&pairs)?);
         truths.iter().zip(&predictions).try_for_each(|(truth, predicted)| look(truth, predicted.halves()))?;
     }
     Ok((frames, folder.warnings(&tally, dataset.db_range().as_ref())))

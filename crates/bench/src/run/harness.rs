@@ -199,6 +199,7 @@ impl Maker {
             cell: None,
             provenance: Provenance::here(),
             lpips_weights: input.networks.sha256(),
+            lpips_device: input.networks.device(),
             device: self.device,
             uses_ground_truth_depth: self.uses_ground_truth_depth,
             uses_scene: self.uses_scene,

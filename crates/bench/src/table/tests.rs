@@ -38,6 +38,7 @@ fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
         cell: None,
         provenance: Provenance::here(),
         lpips_weights: BTreeMap::new(),
+        lpips_device: None,
         device: "cpu (2 threads)".to_owned(),
         uses_ground_truth_depth: row == "full",
         depth_imported: false,

@@ -73,7 +73,7 @@ impl Subject {
         let has = truth.modalities();
         let predicted = self.run.as_mut().map(|run| predict(run, &truth)).transpose()?.map(|p| p.within(has));
         let numbers = match (&self.run, &predicted) {
-            (Some(run), Some(predicted)) => numbers(run, predicted, &truth),
+            (Some(run), Some(predicted)) => numbers(run, predicted, &truth)?,
             _ => Vec::new(),
         };
         let image = truth.light.as_ref().map(|light| images(&light.image, predicted.as_ref())).transpose()?;
@@ -100,8 +100,8 @@ fn predict(run: &mut Run, truth: &Keyframe) -> Result<Prediction> {
     Ok(predicted)
 }
 
-fn numbers(run: &Run, predicted: &Prediction, truth: &Keyframe) -> Vec<Number> {
-    let frame = run.evaluator.compare(predicted.halves(), truth);
+fn numbers(run: &Run, predicted: &Prediction, truth: &Keyframe) -> Result<Vec<Number>> {
+    let frame = run.evaluator.compare(predicted.halves(), truth)?;
     let number = |key: &&str| {
         let column = COLUMNS.iter().find(|c| c.key == *key)?;
         let value = (column.of)(&frame)?;
@@ -113,7 +113,7 @@ fn numbers(run: &Run, predicted: &Prediction, truth: &Keyframe) -> Vec<Number> {
             value: format!("{value:.*}", column.digits),
         })
     };
-    SHOWN.iter().filter_map(number).collect()
+    Ok(SHOWN.iter().filter_map(number).collect())
 }
 
 fn images(truth: &Raster<[u8; 3]>, predicted: Option<&Prediction>) -> Result<Images> {

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// Places among which a receiver's weights are distributed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Anchors {
     /// World frame, metres.
     pub positions_m: Vec<DVec3>,
@@ -27,5 +28,19 @@ impl Anchors {
         let total: f64 = weights.iter().map(|w| w.1).sum();
         weights.iter_mut().for_each(|w| w.1 /= total);
         weights
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A field of a program that interpolated otherwise is another field: what is not known is refused, not left out.
+    #[test]
+    fn a_rule_of_interpolation_that_is_not_known_is_refused() {
+        let text = r#"{"positions_m": [[1.0, 0.0, 0.0]], "width_m": 0.5"#;
+        assert_eq!(serde_json::from_str::<Anchors>(&format!("{text}}}")).ok().map(|a| a.positions_m), Some(vec![DVec3::X]));
+        let error = serde_json::from_str::<Anchors>(&format!(r#"{text}, "between": "powers"}}"#)).err().map(|e| e.to_string());
+        assert!(error.is_some_and(|e| e.contains("between")));
     }
 }

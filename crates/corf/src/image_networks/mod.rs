@@ -1,4 +1,4 @@
-//! Networks that look at images, on the processor, by others' weights: LPIPS, Depth-Anything-V2, and what both are made of: maps and layers.
+//! Networks that look at images by others' weights: LPIPS (on a GPU as well), Depth-Anything-V2, and what both are made of: maps and layers.
 
 pub mod depth_anything;
 mod layer;

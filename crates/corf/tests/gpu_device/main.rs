@@ -62,7 +62,6 @@ fn pictures_agree() {
     }
 }
 
-/// Lists in which pixels end early, drawn by one, two and four threads a pixel.
 /// There is hardly any room at first, so that a batch is drawn again.
 #[test]
 #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
@@ -103,6 +102,7 @@ fn spectra_of_many_poses_are_those_of_each_alone() {
     }
 }
 
+/// Lists in which pixels end early, drawn by one, two and four threads a pixel.
 #[test]
 #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn threads_that_share_a_pixel_draw_what_one_draws() {

@@ -29,6 +29,7 @@ fn record_of(row: &str, method: &str, config: serde_json::Value, seed: u64, psnr
         cell: None,
         provenance: crate::record::provenance::Provenance::here(),
         lpips_weights: Default::default(),
+        lpips_device: None,
         device: "gpu | x".to_owned(),
         uses_ground_truth_depth: true,
         depth_imported: false,
