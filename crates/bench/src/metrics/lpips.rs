@@ -202,7 +202,11 @@ pub struct LpipsComparer {
 impl LpipsComparer {
     /// Compares with these networks.
     pub fn new(networks: &Arc<LpipsNetworks>) -> Self {
-        Self { networks: networks.clone(), ..Self::default() }
+        Self {
+            networks: networks.clone(),
+            #[cfg(feature = "gpu")]
+            on_gpu: Arc::default(),
+        }
     }
 
     /// Distances of pairs of images that have a name, by key.

@@ -6,7 +6,7 @@
 //! `LPIPS = Σ_l mean over pixels of Σ_c w_lc (f̂ᵃ_lc − f̂ᵇ_lc)²`.
 //!
 //! The weights are the user's; nothing is downloaded. The same images and weights give the same bytes on any number of threads of one kind of
-//! processor. Maps are held whole: with VGG-16 at most three of 64 values a pixel at once, 1.1 GB for images of 1600×900. [`LpipsOnGpu`] computes the
+//! processor. Maps are held whole: with VGG-16 at most three of 64 values a pixel at once, 1.1 GB for images of 1600×900. `LpipsOnGpu` computes the
 //! same on a GPU, all in f32.
 
 #[cfg(feature = "gpu")]

@@ -12,6 +12,7 @@ const WEIGHTS_VARIABLE: &str = "CORF_LPIPS_WEIGHTS";
 /// The official program's sums are in f32, as these are, in another order.
 const TOLERANCE: f64 = 2e-6;
 /// Of a layer's share: the GPU takes features by their length in f32, the processor in f64, and sums come in another order.
+#[cfg(feature = "gpu")]
 const GPU_TOLERANCE: f64 = 1e-5;
 /// Pairs of images with known distances.
 const PAIRS: [[&str; 2]; 3] = [["ex_ref", "ex_p0"], ["ex_ref", "ex_p1"], ["jet_a", "jet_b"]];
