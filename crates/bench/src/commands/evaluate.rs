@@ -103,6 +103,10 @@ impl Evaluate {
 
     fn of_predictions(&self, folder: &Path, picture: &mut Option<Picture>) -> Result<(Record, Dataset)> {
         let dataset = self.dataset.as_deref().context("predictions are of a dataset\n  help: name it with --dataset")?;
+        ensure!(
+            self.device == DeviceChoice::Auto || self.lpips.is_asked_for(),
+            "--device: of predictions it says where LPIPS is computed, which is not asked for\n  help: leave it out, or give --lpips as well"
+        );
         let backend = if self.lpips.is_asked_for() { self.device.resolve()? } else { Backend::Cpu };
         let networks = self.lpips.read(&backend)?;
         let input = self.verify.open_any(dataset)?.with_networks(&networks)?;
