@@ -74,7 +74,7 @@ pub struct Record {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub lpips_weights: BTreeMap<String, String>,
     /// Device that LPIPS was computed on: `cpu`, a GPU's name, or both where the processor did what the GPU could not; absent where it was not computed, and in
-    /// records of before, whose processor did it.
+    /// records of programs that did not say it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lpips_device: Option<String>,
     /// Device the method ran on.

@@ -159,7 +159,7 @@ impl LpipsOnGpu {
         self.layers_of(&pair_shown(a, b, input))
     }
 
-    pub(super) fn of(context: &Arc<Context>, steps: &[Step]) -> Result<Self> {
+    fn of(context: &Arc<Context>, steps: &[Step]) -> Result<Self> {
         let convolve = Convolution::declaration() + GROUP_NUMBER + include_str!("shaders/convolve.wgsl");
         let pool = Pooling::declaration() + GROUP_NUMBER + include_str!("shaders/pool.wgsl");
         let compare = Comparison::declaration() + GROUP_NUMBER + include_str!("shaders/compare.wgsl");
