@@ -85,7 +85,7 @@ impl Split {
         if train.is_empty() {
             bail!("{}: the dataset has no training keyframes\n  help: test_every must be 2 or more", dataset.dir().display());
         }
-        let train = train.into_iter().step_by(protocol.train_every.get()).collect();
+        let train = thinned(train, &held_out, &positions(dataset), protocol.train_every.get());
         Ok(Self { protocol, train, held_out })
     }
 
@@ -104,8 +104,7 @@ impl Split {
     /// Distance of every held-out keyframe to the nearest one that trains, metres, in their order.
     pub fn nearest_training_m(&self, dataset: &Dataset) -> Vec<f64> {
         let positions = positions(dataset);
-        let nearest = |i: &usize| self.train.iter().map(|t| positions[*t].distance(positions[*i])).fold(f64::INFINITY, f64::min);
-        self.held_out.iter().map(nearest).collect()
+        self.held_out.iter().map(|i| nearest_m(&positions, &self.train, *i)).collect()
     }
 
     /// Refuses a split that leaves nothing to evaluate.
@@ -124,6 +123,28 @@ impl Split {
     }
 }
 
+/// Training keyframes at one spacing: of the keyframes whose indices leave the same remainder by `every`, those that are farthest from the held-out
+/// ones (by the mean of a held-out keyframe's distance to the nearest of them), among the remainders that hold at least their share of the training
+/// keyframes. Every other one of a list would keep a neighbour of most held-out keyframes however few are left.
+fn thinned(train: Vec<usize>, held_out: &[usize], positions: &[DVec3], every: usize) -> Vec<usize> {
+    let share = train.len() / every;
+    let of_remainder = |remainder: usize| -> Vec<usize> { train.iter().copied().filter(|i| i % every == remainder).collect() };
+    let distance_m = |kept: &[usize]| -> f64 { held_out.iter().map(|i| nearest_m(positions, kept, *i)).sum() };
+    let mut best: Option<(f64, Vec<usize>)> = None;
+    for kept in (0..every).map(of_remainder).filter(|kept| !kept.is_empty() && kept.len() >= share) {
+        let far = distance_m(&kept);
+        if best.as_ref().is_none_or(|(farthest, _)| far > *farthest) {
+            best = Some((far, kept));
+        }
+    }
+    best.map_or(train, |(_, kept)| kept)
+}
+
+/// Distance of a keyframe to the nearest of others, metres; infinite if there are none.
+fn nearest_m(positions: &[DVec3], others: &[usize], keyframe: usize) -> f64 {
+    others.iter().map(|other| positions[*other].distance(positions[keyframe])).fold(f64::INFINITY, f64::min)
+}
+
 /// Positions of what moves, metres in the world frame, in the order of the keyframes.
 fn positions(dataset: &Dataset) -> Vec<DVec3> {
     dataset.poses().iter().map(|pose| pose.world_from_camera.translation).collect()
@@ -132,6 +153,36 @@ fn positions(dataset: &Dataset) -> Vec<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn thinning_keeps_what_is_farthest_from_the_held_out_ones() {
+        // On a line, a metre apart, every eighth held out: keyframes i with i mod every = every / 2 are left, every / 2 metres away.
+        let positions: Vec<DVec3> = (0..64).map(|i| DVec3::new(f64::from(i), 0.0, 0.0)).collect();
+        let (held_out, train): (Vec<usize>, Vec<usize>) = (0..64).partition(|i| i % 8 == 0);
+        assert_eq!(thinned(train.clone(), &held_out, &positions, 1), train);
+        for every in [2, 4, 8] {
+            let kept = thinned(train.clone(), &held_out, &positions, every);
+            assert_eq!(kept, (every / 2..64).step_by(every).collect::<Vec<_>>(), "one of every {every}");
+            let nearest = |i: &usize| nearest_m(&positions, &kept, *i);
+            assert!(held_out.iter().map(nearest).all(|m| m == every as f64 / 2.0), "one of every {every}");
+        }
+    }
+
+    #[test]
+    fn thinning_leaves_a_share_of_scattered_keyframes() {
+        let positions: Vec<DVec3> = (0..40).map(|i| DVec3::new(f64::from(i * 17 % 40), f64::from(i * 7 % 11), 0.0)).collect();
+        let (held_out, train): (Vec<usize>, Vec<usize>) = (0..40).partition(|i| i % 5 == 2);
+        for every in 2..7 {
+            let kept = thinned(train.clone(), &held_out, &positions, every);
+            assert!(
+                kept.len() >= train.len() / every && kept.len() <= 40_usize.div_ceil(every),
+                "{} of every {every}",
+                kept.len()
+            );
+            assert!(kept.iter().all(|i| train.contains(i)));
+        }
+        assert_eq!(thinned(vec![3, 7], &[5], &positions, 9).len(), 1, "fewer keyframes than the step");
+    }
 
     #[test]
     fn a_keyframes_role_is_what_the_split_of_the_whole_says() {

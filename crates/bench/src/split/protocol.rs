@@ -26,7 +26,7 @@ use std::str::FromStr;
 pub struct Protocol {
     /// What is evaluated.
     pub holdout: Holdout,
-    /// Of the training keyframes, in their order, the first and then every so many-th trains.
+    /// One of so many training keyframes trains, evenly spaced and as far from the held-out ones as that allows.
     pub train_every: NonZeroUsize,
 }
 
@@ -113,7 +113,7 @@ impl Protocol {
         self.blocks()?.fold
     }
 
-    /// The same with every so many-th training keyframe.
+    /// The same with one of so many training keyframes.
     pub fn thinned(self, train_every: NonZeroUsize) -> Self {
         Self { train_every, ..self }
     }
