@@ -51,6 +51,8 @@ pub struct Row<'a> {
     pub protocol: Protocol,
     /// Version of what the metrics mean.
     pub metrics: &'a str,
+    /// Data sets of its cells, name and hash, in order of appearance.
+    pub datasets: Vec<(&'a str, &'a str)>,
     /// Whether any cell's dataset was not checked against its recorded hashes.
     pub unverified: bool,
     /// Whether it is predictions made elsewhere, whose time and Gaussians are as their maker states them.
@@ -81,6 +83,7 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
                     true_scene: false,
                     protocol: cell.split(records),
                     metrics: &record.protocol,
+                    datasets: Vec::new(),
                     unverified: false,
                     stated: false,
                 });
@@ -90,6 +93,10 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
         row.place = row.place.take().or(place);
         for record in &cell.of {
             row.stated |= record.method == PREDICTIONS;
+            let dataset = (record.dataset.as_str(), record.dataset_hash.as_str());
+            if !row.datasets.contains(&dataset) {
+                row.datasets.push(dataset);
+            }
             row.unverified |= !record.dataset_verified;
             row.traced_depth |= record.uses_ground_truth_depth && !record.depth_imported;
             row.imported_depth |= record.depth_imported;
