@@ -57,6 +57,22 @@ fn a_publication_has_the_same_bytes_each_time_and_names_the_hashes_of_its_files(
 }
 
 #[test]
+fn the_published_set_is_what_this_version_publishes_and_what_its_table_is_of() {
+    let published = root().join("published/lobby-mini");
+    corf_ok(&["dataset", "validate", text(&published.join("dataset"))]);
+    let folder = tempfile::tempdir().unwrap();
+    let again = folder.path().join("again");
+    let said = ["--licence", "cc0-1.0", "--author", "The authors of corf", "--date", "2026-11-29"];
+    corf_ok(&[&["dataset", "publish", text(&published.join("dataset")), "--out", text(&again)], &said[..]].concat());
+    for file in files(&published) {
+        let name = file.strip_prefix(&published).unwrap();
+        assert_eq!(fs::read(&file).unwrap(), fs::read(again.join(name)).unwrap(), "{}", name.display());
+    }
+    let hash = Dataset::open(published.join("dataset")).unwrap().hash().to_owned();
+    assert!(corf_ok(&["bench", "table", "results/2026-11-29-lobby-mini", "--json"]).contains(&hash));
+}
+
+#[test]
 fn what_only_its_maker_knows_has_to_be_said() {
     let folder = tempfile::tempdir().unwrap();
     let (capture, out) = (folder.path().join("capture"), folder.path().join("out"));
