@@ -144,24 +144,6 @@ def held_out(maker):
     return maker.photograph(figure, (width, height), "true")
 
 
-DENSITY = """name = "room-mini on thinner and thinner training keyframes"
-dataset = "{dataset}"
-seeds = [1, 2, 3]
-row = [
-    {{ label = "CORF-GS", method = "corf-gs" }},
-    {{ label = "nearest keyframe", method = "nearest" }},
-    {{ label = "inverse distance", method = "inverse-distance" }},
-]
-"""
-
-
-def density(maker):
-    plan = maker.scratch / "density.toml"
-    plan.write_text(DENSITY.format(dataset=maker.room()))
-    # Of these, the nearest training pose is one, two and three keyframes away in the median.
-    return maker.once("density", "bench", "density", plan, "--every", "1,5,8", "--device", "cpu") / "density.svg"
-
-
 def latency(maker):
     live, run = maker.scratch / "live", maker.scratch / "live-run"
     dataset = maker.room()
@@ -204,7 +186,6 @@ PICTURES = {
     "keyframe.svg": (keyframe, MINI),
     "quality.svg": (quality, MINI),
     "held-out.jpg": (held_out, MINI),
-    "density.svg": (density, ROOM),
     "latency.svg": (latency, ROOM),
     "uncertainty.svg": (uncertainty, MINI),
     "viewer.jpg": (viewer, [*MINI, VIEWER]),

@@ -92,22 +92,22 @@ fn density_says_where_a_field_overtakes_copying() {
     let (plan, out) = (folder.path().join("plan.toml"), folder.path().join("out"));
     fs::write(&plan, plan_of("test", "[1, 2, 3]")).unwrap();
     let density = |more: &[&'static str]| {
-        [&["bench", "density", text(&plan), "--out", text(&out), "--device", "cpu", "--every", "1,2"], more].concat()
+        [&["bench", "density", text(&plan), "--out", text(&out), "--device", "cpu", "--spacing", "1,2,5"], more].concat()
     };
     let printed = corf_ok(&density(&[]));
     assert!(printed.contains("field") && printed.contains("against copying"), "{printed}");
     let results = read(&out.join("density.json"));
     let steps = results["steps"].as_array().unwrap();
     let trained: Vec<f64> = steps.iter().map(|s| s["train_keyframes"].as_f64().unwrap()).collect();
-    assert_eq!(trained, [8.0, 4.0]);
+    assert_eq!(trained, [8.0, 5.0, 2.0]);
     let distances: Vec<f64> = steps.iter().map(|s| s["nearest_training_m"].as_f64().unwrap()).collect();
-    assert!(distances[0] > 0.0 && distances[1] >= distances[0], "{distances:?}");
+    assert!(distances[0] > 0.0 && distances[1] >= distances[0] && distances[2] > distances[0], "{distances:?}");
     // Held-out keyframes are those of the plan, whatever trains.
-    for every in ["every-1", "every-2"] {
-        assert_eq!(frames(&read(&out.join(every).join("cells/nearest-seed1.json"))), [0, 8]);
+    for spacing in ["spacing-1", "spacing-2", "spacing-5"] {
+        assert_eq!(frames(&read(&out.join(spacing).join("cells/nearest-seed1.json"))), [0, 8]);
     }
     assert!(fs::read_to_string(out.join("density.svg")).unwrap().contains("nearest training pose"));
-    assert_eq!(fs::read_to_string(out.join("density.csv")).unwrap().lines().count(), 1 + 2 * 2 * 2 * 3);
+    assert_eq!(fs::read_to_string(out.join("density.csv")).unwrap().lines().count(), 1 + 3 * 2 * 2 * 3);
     let again = corf_ok(&density(&["--resume"]));
     assert_eq!(again, printed);
     fs::write(&plan, plan_of("test", "[1]").split("[[row]]\nlabel = \"nearest\"").next().unwrap()).unwrap();

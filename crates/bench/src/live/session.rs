@@ -110,8 +110,13 @@ impl Session {
     /// Says what keeps a session from being opened that is known in advance.
     ///
     /// # Errors
-    /// A protocol that needs the end of the trajectory.
+    /// A protocol that needs the whole trajectory.
     pub fn check(description: &LiveDescription, protocol: Protocol) -> Result<()> {
+        if protocol.spacing.get() > 1 {
+            bail!(
+                "the protocol {protocol} chooses training keyframes by all places of a trajectory, and those of a live one are not known\n  help: leave spacing out"
+            );
+        }
         if protocol.role(0, description.header().split.test_every).is_none() {
             bail!(
                 "the {} protocol holds out what lies in the middle of a trajectory, and the end of a live one is not known\n  help: choose \

@@ -23,11 +23,11 @@ pub enum Role {
 
 impl Protocol {
     /// The part of a keyframe of which its index alone is known, where every `test_every`-th is a test one; none where the protocol needs to know
-    /// of the others.
+    /// of the others (segments, blocks, a spacing).
     pub fn role(self, index: usize, test_every: usize) -> Option<Role> {
         let is_test = index.is_multiple_of(test_every.max(1));
         let role = match self.holdout {
-            _ if self.train_every.get() > 1 => return None,
+            _ if self.spacing.get() > 1 => return None,
             Holdout::Segment | Holdout::Blocks(_) => return None,
             Holdout::All => Role::Trains,
             Holdout::Test if is_test => Role::HeldOut,
@@ -85,7 +85,14 @@ impl Split {
         if train.is_empty() {
             bail!("{}: the dataset has no training keyframes\n  help: test_every must be 2 or more", dataset.dir().display());
         }
-        let train = thinned(train, &held_out, &positions(dataset), protocol.train_every.get());
+        let all = train.len();
+        let train = thinned(train, &held_out, &positions(dataset), protocol.spacing.get());
+        if protocol.spacing.get() > 1 && train.len() == all {
+            bail!(
+                "{}: the protocol {protocol} leaves out none of its {all} training keyframes\n  help: give a larger spacing",
+                dataset.dir().display()
+            );
+        }
         Ok(Self { protocol, train, held_out })
     }
 
@@ -123,21 +130,24 @@ impl Split {
     }
 }
 
-/// Training keyframes at one spacing: of the keyframes whose indices leave the same remainder by `every`, those that are farthest from the held-out
-/// ones (by the mean of a held-out keyframe's distance to the nearest of them), among the remainders that hold at least their share of the training
-/// keyframes. Every other one of a list would keep a neighbour of most held-out keyframes however few are left.
-fn thinned(train: Vec<usize>, held_out: &[usize], positions: &[DVec3], every: usize) -> Vec<usize> {
-    let share = train.len() / every;
-    let of_remainder = |remainder: usize| -> Vec<usize> { train.iter().copied().filter(|i| i % every == remainder).collect() };
-    let distance_m = |kept: &[usize]| -> f64 { held_out.iter().map(|i| nearest_m(positions, kept, *i)).sum() };
-    let mut best: Option<(f64, Vec<usize>)> = None;
-    for kept in (0..every).map(of_remainder).filter(|kept| !kept.is_empty() && kept.len() >= share) {
-        let far = distance_m(&kept);
-        if best.as_ref().is_none_or(|(farthest, _)| far > *farthest) {
-            best = Some((far, kept));
+/// Training keyframes at one spacing: of the keyframes whose indices leave the same remainder by `spacing`, those that are farthest from the held-out
+/// ones (by the sum, over held-out keyframes, of the distance to the nearest of them), among the remainders that hold at least their share of the
+/// training keyframes; of two that are equally far, the lower remainder. Along a trajectory they are evenly spaced.
+fn thinned(train: Vec<usize>, held_out: &[usize], positions: &[DVec3], spacing: usize) -> Vec<usize> {
+    if spacing == 1 {
+        return train;
+    }
+    let share = train.len() / spacing;
+    let of_remainder = |remainder: usize| -> Vec<usize> { train.iter().copied().filter(|i| i % spacing == remainder).collect() };
+    let mut best: (f64, Vec<usize>) = (f64::NEG_INFINITY, Vec::new());
+    for kept in (0..spacing).map(of_remainder).filter(|kept| !kept.is_empty() && kept.len() >= share) {
+        let sum_m: f64 = held_out.iter().map(|i| nearest_m(positions, &kept, *i)).sum();
+        // What is equally far but for rounding is equally far.
+        if sum_m > best.0 * (1.0 + 1e-9) || best.1.is_empty() {
+            best = (sum_m, kept);
         }
     }
-    best.map_or(train, |(_, kept)| kept)
+    best.1
 }
 
 /// Distance of a keyframe to the nearest of others, metres; infinite if there are none.
@@ -154,34 +164,42 @@ fn positions(dataset: &Dataset) -> Vec<DVec3> {
 mod tests {
     use super::*;
 
+    /// Keyframes on a line, a metre apart.
+    fn on_a_line(n: u32) -> Vec<DVec3> {
+        (0..n).map(|i| DVec3::new(f64::from(i), 0.0, 0.0)).collect()
+    }
+
     #[test]
     fn thinning_keeps_what_is_farthest_from_the_held_out_ones() {
-        // On a line, a metre apart, every eighth held out: keyframes i with i mod every = every / 2 are left, every / 2 metres away.
-        let positions: Vec<DVec3> = (0..64).map(|i| DVec3::new(f64::from(i), 0.0, 0.0)).collect();
-        let (held_out, train): (Vec<usize>, Vec<usize>) = (0..64).partition(|i| i % 8 == 0);
+        // Every eighth held out: keyframes i with i mod spacing = spacing / 2 are left, spacing / 2 metres away.
+        let (positions, (held_out, train)) = (on_a_line(64), (0..64).partition::<Vec<usize>, _>(|i| i % 8 == 0));
         assert_eq!(thinned(train.clone(), &held_out, &positions, 1), train);
-        for every in [2, 4, 8] {
-            let kept = thinned(train.clone(), &held_out, &positions, every);
-            assert_eq!(kept, (every / 2..64).step_by(every).collect::<Vec<_>>(), "one of every {every}");
+        for spacing in [2, 4, 8] {
+            let kept = thinned(train.clone(), &held_out, &positions, spacing);
+            assert_eq!(kept, (spacing / 2..64).step_by(spacing).collect::<Vec<_>>(), "spacing {spacing}");
             let nearest = |i: &usize| nearest_m(&positions, &kept, *i);
-            assert!(held_out.iter().map(nearest).all(|m| m == every as f64 / 2.0), "one of every {every}");
+            assert!(held_out.iter().map(nearest).all(|m| m == spacing as f64 / 2.0), "spacing {spacing}");
         }
     }
 
     #[test]
-    fn thinning_leaves_a_share_of_scattered_keyframes() {
-        let positions: Vec<DVec3> = (0..40).map(|i| DVec3::new(f64::from(i * 17 % 40), f64::from(i * 7 % 11), 0.0)).collect();
-        let (held_out, train): (Vec<usize>, Vec<usize>) = (0..40).partition(|i| i % 5 == 2);
-        for every in 2..7 {
-            let kept = thinned(train.clone(), &held_out, &positions, every);
-            assert!(
-                kept.len() >= train.len() / every && kept.len() <= 40_usize.div_ceil(every),
-                "{} of every {every}",
-                kept.len()
-            );
-            assert!(kept.iter().all(|i| train.contains(i)));
-        }
-        assert_eq!(thinned(vec![3, 7], &[5], &positions, 9).len(), 1, "fewer keyframes than the step");
+    fn thinning_leaves_a_share_of_the_keyframes_and_of_equals_the_first() {
+        // Every sixth held out: the even ones are two metres away, and fewer than their share.
+        let (positions, (held_out, train)) = (on_a_line(36), (0..36).partition::<Vec<usize>, _>(|i| i % 6 == 0));
+        let odd: Vec<usize> = (1..36).step_by(2).collect();
+        assert_eq!(thinned(train.clone(), &held_out, &positions, 2), odd);
+        assert!(train.len() / 2 > train.iter().filter(|i| *i % 2 == 0).count());
+        // By three, the first and the second remainder are mirror images but for the end of the line; rounding decides nothing.
+        let circle = |i: u32| {
+            DVec3::new(
+                (f64::from(i) / 36.0 * std::f64::consts::TAU).cos(),
+                (f64::from(i) / 36.0 * std::f64::consts::TAU).sin(),
+                0.0,
+            )
+        };
+        let round: Vec<DVec3> = (0..36).map(circle).collect();
+        assert_eq!(thinned(train.clone(), &held_out, &round, 3), (1..36).step_by(3).collect::<Vec<_>>());
+        assert_eq!(thinned(vec![3, 7], &[5], &positions, 9), [3], "fewer keyframes than the spacing");
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //! along-x | along-y | along-z:parts=5,gap_m=0.1        slabs of equally many keyframes along an axis
 //! k-means:parts=10,gap_m=0.05,seed=0                   clusters of positions
 //! …,evaluated=validation                               the block behind the held-out one instead, which is then left out
-//! …,every=4                                            every fourth of the training keyframes alone
+//! …,spacing=4                                          training keyframes at one remainder by four alone
 //! ```
 
 use crate::split::blocks::{Blocks, By, Gap};
@@ -26,8 +26,8 @@ use std::str::FromStr;
 pub struct Protocol {
     /// What is evaluated.
     pub holdout: Holdout,
-    /// One of so many training keyframes trains, evenly spaced and as far from the held-out ones as that allows.
-    pub train_every: NonZeroUsize,
+    /// Of so many neighbouring keyframes one trains, as far from the held-out ones as that allows (`test:spacing=4`).
+    pub spacing: NonZeroUsize,
 }
 
 /// What is evaluated.
@@ -68,7 +68,7 @@ impl Protocol {
     pub const ALL: Self = Self::of(Holdout::All);
 
     const fn of(holdout: Holdout) -> Self {
-        Self { holdout, train_every: NonZeroUsize::MIN }
+        Self { holdout, spacing: NonZeroUsize::MIN }
     }
 
     /// The protocol's name in plans and records, with its settings.
@@ -113,9 +113,9 @@ impl Protocol {
         self.blocks()?.fold
     }
 
-    /// The same with one of so many training keyframes.
-    pub fn thinned(self, train_every: NonZeroUsize) -> Self {
-        Self { train_every, ..self }
+    /// The same with one of so many neighbouring keyframes.
+    pub fn thinned(self, spacing: NonZeroUsize) -> Self {
+        Self { spacing, ..self }
     }
 
     /// What has to be said of it under a table, a sentence that stands behind others; nothing of the usual protocol.
@@ -126,9 +126,9 @@ impl Protocol {
             Holdout::Test | Holdout::All => String::new(),
             Holdout::Blocks(blocks) => blocks.note(),
         };
-        if self.train_every.get() > 1 {
+        if self.spacing.get() > 1 {
             let space = if note.is_empty() { "" } else { " " };
-            note += &format!("{space}One of every {} training keyframes trained.", self.train_every);
+            note += &format!("{space}Of every {} neighbouring keyframes one trained.", self.spacing);
         }
         note
     }
@@ -142,7 +142,7 @@ impl Protocol {
             Holdout::All => "no keyframe held out".to_owned(),
             Holdout::Blocks(blocks) => format!("blocks held out one after the other ({blocks})"),
         };
-        if self.train_every.get() > 1 { format!("{what}, one of every {} others trained", self.train_every) } else { what }
+        if self.spacing.get() > 1 { format!("{what}, of every {} neighbours one trained", self.spacing) } else { what }
     }
 }
 
@@ -165,8 +165,8 @@ impl fmt::Display for Protocol {
                 false
             }
         };
-        if self.train_every.get() > 1 {
-            write!(f, "{}every={}", if settings { "," } else { ":" }, self.train_every)?;
+        if self.spacing.get() > 1 {
+            write!(f, "{}spacing={}", if settings { "," } else { ":" }, self.spacing)?;
         }
         Ok(())
     }
@@ -233,7 +233,7 @@ impl FromStr for Protocol {
 fn parse(text: &str) -> Result<Protocol> {
     let (name, settings) = text.split_once(':').unwrap_or((text, ""));
     let mut keys = Keys::of(settings)?;
-    let train_every = keys.take("every", "a whole number from 1")?.unwrap_or(NonZeroUsize::MIN);
+    let spacing = keys.take("spacing", "a whole number from 1")?.unwrap_or(NonZeroUsize::MIN);
     let holdout = if let Some((_, holdout)) = NAMED.iter().find(|(known, _)| *known == name) {
         *holdout
     } else if let Some((_, by)) = BLOCKS.iter().find(|(known, _)| *known == name) {
@@ -248,8 +248,8 @@ fn parse(text: &str) -> Result<Protocol> {
     if let Some((key, _)) = keys.0.first() {
         bail!("it has no key {key}");
     }
-    ensure!(holdout != Holdout::All || train_every.get() == 1, "where all train, none is left out: it has no key every");
-    Ok(Protocol { holdout, train_every })
+    ensure!(holdout != Holdout::All || spacing.get() == 1, "where all train, none is left out: it has no key spacing");
+    Ok(Protocol { holdout, spacing })
 }
 
 fn blocks(by: By, keys: &mut Keys<'_>) -> Result<Blocks> {
@@ -310,8 +310,8 @@ impl JsonSchema for Protocol {
             "type": "string",
             "description": "Part of the keyframes that an evaluation may look at: `validation`, `test`, `segment`, `all`, or blocks, of which one \
                             after the other is held out: `trajectory:parts=5,gap_keyframes=4`, `along-y:parts=5,gap_m=0.1`, \
-                            `k-means:parts=10,gap_m=0.05,seed=0`, each with `fold=2` for one of the folds. With `every=4` every fourth training \
-                            keyframe trains.",
+                            `k-means:parts=10,gap_m=0.05,seed=0`, each with `fold=2` for one of the folds. With `spacing=4` one of four \
+                            neighbouring keyframes trains.",
         })
     }
 }
@@ -327,9 +327,9 @@ mod tests {
             "test",
             "segment",
             "all",
-            "test:every=4",
+            "test:spacing=4",
             "trajectory:parts=5,gap_keyframes=4",
-            "trajectory:parts=5,gap_m=0.25,fold=5,every=2",
+            "trajectory:parts=5,gap_m=0.25,fold=5,spacing=2",
             "along-y:parts=5,gap_m=0.1,fold=2",
             "k-means:parts=10,gap_m=0,seed=7,fold=1,evaluated=validation",
         ] {
@@ -360,8 +360,8 @@ mod tests {
             ("trajectory:parts=5,gap_keyframes=2,parts=6", "there twice"),
             ("along-x:parts=5,gap_m=0,seed=1", "no key seed"),
             ("trajectory:parts=2,gap_m=0,evaluated=validation", "parts=3"),
-            ("test:every=0", "from 1"),
-            ("all:every=2", "no key every"),
+            ("test:spacing=0", "from 1"),
+            ("all:spacing=2", "no key spacing"),
         ] {
             let error = text.parse::<Protocol>().unwrap_err().to_string();
             assert!(error.contains(said) && error.contains("help: ") && error.contains(text), "{text}: {error}");
@@ -370,7 +370,7 @@ mod tests {
 
     #[test]
     fn folds_are_those_of_one_protocol() {
-        let whole: Protocol = "along-z:parts=3,gap_m=0.5,every=2".parse().unwrap();
+        let whole: Protocol = "along-z:parts=3,gap_m=0.5,spacing=2".parse().unwrap();
         let folds = whole.folds();
         assert_eq!(folds.iter().map(|p| p.fold().unwrap()).collect::<Vec<_>>(), [1, 2, 3]);
         assert!(folds.iter().all(|fold| fold.of_all_folds() == whole && fold.folds() == [*fold]));

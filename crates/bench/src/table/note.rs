@@ -41,20 +41,23 @@ fn fewer_seeds(rows: &[&Row<'_>], most: usize) -> String {
     said
 }
 
-/// Data sets other than the first row's, as the beginning of a sentence, with the rows that have cells of them: records of several stand together
-/// where `joined.toml` says why.
-fn other_datasets<'a, 'r>(rows: &[&'a Row<'r>]) -> Vec<(String, Vec<&'a Row<'r>>)> {
-    let Some(first) = rows.first().and_then(|row| row.datasets.first().copied()) else { return Vec::new() };
-    let mut others: Vec<(&str, &str)> =
-        rows.iter().flat_map(|row| &row.datasets).copied().filter(|other| other.1 != first.1).collect();
-    others.sort_unstable();
-    others.dedup();
-    let said =
-        |(name, hash): (&str, &str)| format!("Of data set {name} (hash {hash:.12}), not {} (hash {:.12})", first.0, first.1);
-    others
-        .into_iter()
-        .map(|other| (said(other), rows.iter().copied().filter(|row| row.datasets.contains(&other)).collect()))
-        .collect()
+/// Data sets other than that of most rows, each said as the beginning of a sentence, with its name and hash: records of several stand together where
+/// `joined.toml` says why.
+fn other_datasets<'a>(rows: &[&Row<'a>]) -> Vec<(String, (&'a str, &'a str))> {
+    let mut datasets: Vec<(&str, &str)> = Vec::new();
+    for dataset in rows.iter().flat_map(|row| &row.datasets) {
+        if !datasets.contains(dataset) {
+            datasets.push(*dataset);
+        }
+    }
+    let of = |dataset: &(&str, &str)| rows.iter().filter(|row| row.datasets.contains(dataset)).count();
+    // The first of those that most rows are of.
+    let Some(most) = datasets.iter().copied().reduce(|most, other| if of(&other) > of(&most) { other } else { most }) else {
+        return Vec::new();
+    };
+    datasets.retain(|other| other.1 != most.1);
+    let said = |(name, hash): (&str, &str)| format!("Of data set {name} (hash {hash:.12}), not {} (hash {:.12})", most.0, most.1);
+    datasets.into_iter().map(|other| (said(other), other)).collect()
 }
 
 /// The note under a table of these rows with these columns.
@@ -97,8 +100,9 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
     if let Some(oracles) = named(rows, |r| r.true_scene) {
         let _ = write!(note, " The true scene (mirror images of the transmitter) used by: {oracles}.");
     }
-    for (dataset, of_dataset) in other_datasets(rows) {
-        let _ = write!(note, " {dataset}: {}.", list(&of_dataset));
+    for (said, dataset) in other_datasets(rows) {
+        let of_dataset = named(rows, |r| r.datasets.contains(&dataset)).unwrap_or_default();
+        let _ = write!(note, " {said}: {of_dataset}.");
     }
     if let Some(unverified) = named(rows, |r| r.unverified) {
         let _ = write!(note, " Dataset files not checked against their recorded SHA-256: {unverified}.");

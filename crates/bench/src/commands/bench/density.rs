@@ -17,9 +17,9 @@ use std::path::PathBuf;
 pub struct Density {
     /// Plan file (TOML) with a learned row and a lookup (nearest, inverse-distance) at least.
     plan: PathBuf,
-    /// Thinnings, with commas between: of every so many training keyframes one trains. Held-out keyframes stay the same.
+    /// Thinnings, with commas between: of so many neighbouring keyframes one trains, as far from the held-out ones, which stay the same, as that allows.
     #[arg(long, value_delimiter = ',', value_name = "N,N", default_value = "1,2,4,8")]
-    every: Vec<NonZeroUsize>,
+    spacing: Vec<NonZeroUsize>,
     /// Metrics, with commas between, by the keys of `corf bench table --help` (default: psnr_rf_scalar and psnr_opt, as far as the data set has both).
     #[arg(long, value_delimiter = ',', value_name = "KEY,KEY")]
     metric: Vec<String>,
@@ -41,7 +41,7 @@ impl Density {
         let backend = self.cells.device.resolve()?;
         let networks = self.lpips.read(&backend)?;
         let input = self.cells.verify.open_any(&plan.dataset)?.with_networks(&networks)?;
-        let density = density::Density::new(plan, &self.every, &self.metric, &input.dataset)?;
+        let density = density::Density::new(plan, &self.spacing, &self.metric, &input.dataset)?;
         let _held = claim_output(&self.cells.out, self.cells.resume)?;
         let (results, text, records) = density.run(&input, &self.cells.out, &backend)?;
         show(json, &results, text.trim_end())?;

@@ -1,7 +1,7 @@
 //! A comparison on thinner and thinner training keyframes, the held-out ones staying the same: where does a learned field overtake copying?
 //!
 //! ```text
-//! OUT/every-N/           the comparison with one of every N training keyframes, as `corf bench run` leaves it
+//! OUT/spacing-N/         the comparison with one of N neighbouring keyframes, as `corf bench run` leaves it
 //! OUT/density.json       steps, values and places, all numbers
 //! OUT/density.csv        a value a line
 //! OUT/density.md         the places, and a table a metric
@@ -34,12 +34,12 @@ use std::path::{Path, PathBuf};
 pub use overtaking::{Overtaking, OvertakingPlace};
 
 /// Version of `density.json`.
-const SCHEMA: &str = "corf-density/1";
+const SCHEMA: &str = "corf-density/2";
 
 /// What is compared: a plan, how it is thinned, and by which metrics.
 pub struct Density {
     plan: Plan,
-    every: Vec<NonZeroUsize>,
+    spacings: Vec<NonZeroUsize>,
     metrics: Vec<&'static Column>,
 }
 
@@ -62,8 +62,8 @@ pub struct Results {
 /// One thinning.
 #[derive(Debug, Serialize)]
 pub struct DensityStep {
-    /// Of so many training keyframes one trained.
-    pub every: usize,
+    /// Of so many neighbouring keyframes one trained.
+    pub spacing: usize,
     /// Training keyframes; over the folds their mean.
     pub train_keyframes: f64,
     /// Median, over held-out keyframes, of the distance to the nearest training pose, metres.
@@ -109,17 +109,17 @@ impl StepRow {
 }
 
 impl Density {
-    /// A plan with one of every `every` training keyframes; without metrics those of what the data set has.
+    /// A plan with one of so many neighbouring keyframes, for each of `spacings`; without metrics those of what the data set has.
     ///
     /// # Errors
     /// No lookup or no learned row, predictions, a plan that is thinned already, a metric that is unknown or says nothing about which way is better.
-    pub fn new(plan: Plan, every: &[NonZeroUsize], metrics: &[String], dataset: &Dataset) -> Result<Self> {
-        let mut every = every.to_vec();
-        every.sort();
-        every.dedup();
+    pub fn new(plan: Plan, spacings: &[NonZeroUsize], metrics: &[String], dataset: &Dataset) -> Result<Self> {
+        let mut spacings = spacings.to_vec();
+        spacings.sort();
+        spacings.dedup();
         ensure!(
-            plan.protocol.train_every.get() == 1,
-            "the plan's protocol is thinned already ({})\n  help: leave every out of it; --every says how it is thinned",
+            plan.protocol.spacing.get() == 1,
+            "the plan's protocol is thinned already ({})\n  help: leave spacing out of it; --spacing says how it is thinned",
             plan.protocol
         );
         ensure!(
@@ -145,18 +145,18 @@ impl Density {
             column.with_context(|| format!("--metric {key}: it is no metric\n  help: `corf bench table --help` lists the keys"))
         };
         let metrics = keys.iter().map(metric).collect::<Result<_>>()?;
-        let density = Self { plan, every, metrics };
+        let density = Self { plan, spacings, metrics };
         density.steps(Path::new("")).iter().try_for_each(|(_, plan, _)| check_rows(plan, dataset))?;
         Ok(density)
     }
 
     /// The thinned plans and their folders.
     fn steps(&self, out: &Path) -> Vec<(usize, Plan, PathBuf)> {
-        let step = |every: &NonZeroUsize| {
-            let (name, protocol) = (format!("{}, one of every {every}", self.plan.name), self.plan.protocol.thinned(*every));
-            (every.get(), Plan { name, protocol, ..self.plan.clone() }, out.join(format!("every-{every}")))
+        let step = |spacing: &NonZeroUsize| {
+            let (name, protocol) = (format!("{}, one of {spacing}", self.plan.name), self.plan.protocol.thinned(*spacing));
+            (spacing.get(), Plan { name, protocol, ..self.plan.clone() }, out.join(format!("spacing-{spacing}")))
         };
-        self.every.iter().map(step).collect()
+        self.spacings.iter().map(step).collect()
     }
 
     /// Runs all cells that have no record yet, and writes the files. The answer is the results, the text for a terminal, and all records.
@@ -165,9 +165,9 @@ impl Density {
     /// Those of [`suite::run`].
     pub fn run(&self, input: &Input, out: &Path, backend: &Backend) -> Result<(Results, String, Vec<Record>)> {
         let (mut steps, mut all) = (Vec::new(), Vec::new());
-        for (every, plan, folder) in self.steps(out) {
+        for (spacing, plan, folder) in self.steps(out) {
             let records = suite::run(&plan, input, &folder, backend)?.records;
-            steps.push(self.step(every, plan.protocol, &records, &input.dataset)?);
+            steps.push(self.step(spacing, plan.protocol, &records, &input.dataset)?);
             all.extend(records);
         }
         let dataset = &input.dataset;
@@ -189,7 +189,7 @@ impl Density {
         Ok((results, text, all))
     }
 
-    fn step(&self, every: usize, protocol: Protocol, records: &[Record], dataset: &Dataset) -> Result<DensityStep> {
+    fn step(&self, spacing: usize, protocol: Protocol, records: &[Record], dataset: &Dataset) -> Result<DensityStep> {
         let splits: Vec<Split> = protocol.folds().into_iter().map(|fold| Split::of(dataset, fold)).collect::<Result<_>>()?;
         let mut distances: Vec<f64> = splits.iter().flat_map(|split| split.nearest_training_m(dataset)).collect();
         distances.sort_by(f64::total_cmp);
@@ -211,7 +211,7 @@ impl Density {
             }
         }
         Ok(DensityStep {
-            every,
+            spacing,
             train_keyframes: summarize(&splits.iter().map(|s| s.train.len() as f64).collect::<Vec<_>>()).map_or(0.0, |s| s.mean),
             nearest_training_m: quantile(&distances, 0.5),
             nearest_training_p10_p90_m: [0.1, 0.9].map(|q| quantile(&distances, q)),

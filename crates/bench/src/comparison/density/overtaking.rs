@@ -180,7 +180,7 @@ mod tests {
         };
         (0..3)
             .map(|i| DensityStep {
-                every: 1 << i,
+                spacing: 1 << i,
                 train_keyframes: 8.0,
                 nearest_training_m: f64::from(1 << i),
                 nearest_training_p10_p90_m: [0.0; 2],

@@ -29,7 +29,7 @@ pub(super) fn text(results: &Results, metrics: &[&Column]) -> String {
         );
     }
     for metric in metrics {
-        let _ = write!(out, "\n{}\n\n| one of every | training keyframes | distance, m |", metric.heading);
+        let _ = write!(out, "\n{}\n\n| one of | training keyframes | distance, m |", metric.heading);
         let first = results.steps.first();
         let rows: Vec<&StepRow> = first.iter().flat_map(|step| &step.rows).collect();
         for row in &rows {
@@ -45,7 +45,7 @@ pub(super) fn text(results: &Results, metrics: &[&Column]) -> String {
 }
 
 fn line(step: &DensityStep, metric: &Column) -> String {
-    let mut out = format!("| {} | {:.0} | {:.3} |", step.every, step.train_keyframes, step.nearest_training_m);
+    let mut out = format!("| {} | {:.0} | {:.3} |", step.spacing, step.train_keyframes, step.nearest_training_m);
     for row in &step.rows {
         let failed = row.seeds.iter().filter(|s| !s.values.contains_key(metric.key)).count();
         let note = if failed > 0 { format!(" ({failed} failed)") } else { String::new() };
@@ -56,7 +56,7 @@ fn line(step: &DensityStep, metric: &Column) -> String {
 
 /// A value a line; one of a failed cell is empty.
 pub(super) fn csv(results: &Results) -> String {
-    let mut out = String::from("metric,every,train_keyframes,nearest_training_m,row,method,looks_up,seed,value\n");
+    let mut out = String::from("metric,spacing,train_keyframes,nearest_training_m,row,method,looks_up,seed,value\n");
     for metric in &results.metrics {
         for step in &results.steps {
             for row in &step.rows {
@@ -65,7 +65,7 @@ pub(super) fn csv(results: &Results) -> String {
                     let _ = writeln!(
                         out,
                         "{metric},{},{},{:.6},{},{},{},{},{value}",
-                        step.every,
+                        step.spacing,
                         step.train_keyframes,
                         step.nearest_training_m,
                         escape::csv(&row.row),
