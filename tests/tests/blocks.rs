@@ -92,7 +92,7 @@ fn density_says_where_a_field_overtakes_copying() {
     let (plan, out) = (folder.path().join("plan.toml"), folder.path().join("out"));
     fs::write(&plan, plan_of("test", "[1, 2, 3]")).unwrap();
     let density = |more: &[&'static str]| {
-        [&["bench", "density", text(&plan), "--out", text(&out), "--device", "cpu", "--spacing", "1,2,5"], more].concat()
+        [&["bench", "density", text(&plan), "--out", text(&out), "--device", "cpu", "--spacing", "1,2,4"], more].concat()
     };
     let printed = corf_ok(&density(&[]));
     assert!(printed.contains("field") && printed.contains("against copying"), "{printed}");
@@ -103,7 +103,7 @@ fn density_says_where_a_field_overtakes_copying() {
     let distances: Vec<f64> = steps.iter().map(|s| s["nearest_training_m"].as_f64().unwrap()).collect();
     assert!(distances[0] > 0.0 && distances[1] >= distances[0] && distances[2] > distances[0], "{distances:?}");
     // Held-out keyframes are those of the plan, whatever trains.
-    for spacing in ["spacing-1", "spacing-2", "spacing-5"] {
+    for spacing in ["spacing-1", "spacing-2", "spacing-4"] {
         assert_eq!(frames(&read(&out.join(spacing).join("cells/nearest-seed1.json"))), [0, 8]);
     }
     assert!(fs::read_to_string(out.join("density.svg")).unwrap().contains("nearest training pose"));
