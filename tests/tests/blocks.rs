@@ -92,24 +92,53 @@ fn density_says_where_a_field_overtakes_copying() {
     let (plan, out) = (folder.path().join("plan.toml"), folder.path().join("out"));
     fs::write(&plan, plan_of("test", "[1, 2, 3]")).unwrap();
     let density = |more: &[&'static str]| {
-        [&["bench", "density", text(&plan), "--out", text(&out), "--device", "cpu", "--spacing", "1,2,4"], more].concat()
+        [&["bench", "density", text(&plan), "--out", text(&out), "--device", "cpu", "--spacing", "1,2"], more].concat()
     };
     let printed = corf_ok(&density(&[]));
     assert!(printed.contains("field") && printed.contains("against copying"), "{printed}");
     let results = read(&out.join("density.json"));
     let steps = results["steps"].as_array().unwrap();
     let trained: Vec<f64> = steps.iter().map(|s| s["train_keyframes"].as_f64().unwrap()).collect();
-    assert_eq!(trained, [8.0, 5.0, 2.0]);
+    assert_eq!(trained, [8.0, 5.0]);
     let distances: Vec<f64> = steps.iter().map(|s| s["nearest_training_m"].as_f64().unwrap()).collect();
-    assert!(distances[0] > 0.0 && distances[1] >= distances[0] && distances[2] > distances[0], "{distances:?}");
+    assert!(
+        distances[0] > 0.0 && distances[1] == distances[0],
+        "odd keyframes are left, neighbours of the even ones: {distances:?}"
+    );
     // Held-out keyframes are those of the plan, whatever trains.
-    for spacing in ["spacing-1", "spacing-2", "spacing-4"] {
+    for spacing in ["spacing-1", "spacing-2"] {
         assert_eq!(frames(&read(&out.join(spacing).join("cells/nearest-seed1.json"))), [0, 8]);
     }
     assert!(fs::read_to_string(out.join("density.svg")).unwrap().contains("nearest training pose"));
-    assert_eq!(fs::read_to_string(out.join("density.csv")).unwrap().lines().count(), 1 + 3 * 2 * 2 * 3);
+    assert_eq!(fs::read_to_string(out.join("density.csv")).unwrap().lines().count(), 1 + 2 * 2 * 2 * 3);
     let again = corf_ok(&density(&["--resume"]));
     assert_eq!(again, printed);
     fs::write(&plan, plan_of("test", "[1]").split("[[row]]\nlabel = \"nearest\"").next().unwrap()).unwrap();
     corf_refuses(&density(&["--resume"]), &["nearest or inverse-distance"]);
+}
+
+#[test]
+fn a_spacing_moves_training_keyframes_away_and_stands_in_the_record() {
+    let folder = tempfile::tempdir().unwrap();
+    let (plan, out) = (folder.path().join("plan.toml"), folder.path().join("out"));
+    let lookups = |protocol: &str| {
+        let text = format!(
+            "name = \"spacing\"\ndataset = '{}'\nprotocol = \"{protocol}\"\nseeds = [1]\n[[row]]\nlabel = \"nearest\"\nmethod = \"nearest\"\n",
+            text(tiny_dataset())
+        );
+        fs::write(&plan, text).unwrap();
+    };
+    let run = |out: &str| corf_ok(&["bench", "run", text(&plan), "--out", out, "--device", "cpu"]);
+    let record = |protocol: &str, name: &str| {
+        lookups(protocol);
+        let out = out.join(name);
+        run(text(&out));
+        read(&out.join("cells/nearest-seed1.json"))
+    };
+    let (all, few) = (record("test", "all"), record("test:spacing=4", "few"));
+    assert_eq!((few["split"].as_str(), frames(&few)), (Some("test:spacing=4"), frames(&all)));
+    let psnr = |record: &Value| record["means"]["psnr_rf_scalar"].as_f64().unwrap();
+    assert_ne!(psnr(&few), psnr(&all), "the neighbours of held-out keyframes are gone");
+    lookups("test:every=4");
+    corf_refuses(&["bench", "run", text(&plan), "--out", text(&out.join("refused"))], &["no key every"]);
 }
