@@ -114,7 +114,8 @@ impl Session {
     pub fn check(description: &LiveDescription, protocol: Protocol) -> Result<()> {
         if protocol.spacing.get() > 1 {
             bail!(
-                "the protocol {protocol} chooses training keyframes by all places of a trajectory, and those of a live one are not known\n  help: leave spacing out"
+                "the protocol {protocol} chooses training keyframes by all places of a trajectory, and those of a live one are not \
+                 known\n  help: leave spacing out"
             );
         }
         if protocol.role(0, description.header().split.test_every).is_none() {

@@ -6,7 +6,7 @@ mod protocol;
 pub use blocks::{Blocks, By, Gap};
 pub use protocol::{Holdout, Protocol};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use corf_scene::dataset::Dataset;
 use glam::DVec3;
 
@@ -63,7 +63,7 @@ impl Split {
     pub fn of(dataset: &Dataset, protocol: Protocol) -> Result<Self> {
         let (train, test, segment) = (dataset.train_indices(), dataset.test_indices(), dataset.held_out_segment());
         let every = dataset.header().split.test_every;
-        let (train, held_out): (Vec<usize>, Vec<usize>) = match protocol.holdout {
+        let (mut train, held_out): (Vec<usize>, Vec<usize>) = match protocol.holdout {
             Holdout::Test => (train.to_vec(), test.to_vec()),
             Holdout::Validation => train.iter().copied().partition(|i| !is_validation(*i, every)),
             Holdout::Segment => ((0..dataset.len()).filter(|i| !segment.contains(i)).collect(), segment.to_vec()),
@@ -85,10 +85,11 @@ impl Split {
         if train.is_empty() {
             bail!("{}: the dataset has no training keyframes\n  help: test_every must be 2 or more", dataset.dir().display());
         }
-        let all = train.len();
-        let train = thinned(train, &held_out, &positions(dataset), protocol.spacing.get());
-        if protocol.spacing.get() > 1 && train.len() == all {
-            bail!(
+        if protocol.spacing.get() > 1 {
+            let all = train.len();
+            train = thinned(&train, &held_out, &positions(dataset), protocol.spacing.get());
+            ensure!(
+                train.len() < all,
                 "{}: the protocol {protocol} leaves out none of its {all} training keyframes\n  help: give a larger spacing",
                 dataset.dir().display()
             );
@@ -133,10 +134,7 @@ impl Split {
 /// Training keyframes at one spacing: of the keyframes whose indices leave the same remainder by `spacing`, those that are farthest from the held-out
 /// ones (by the sum, over held-out keyframes, of the distance to the nearest of them), among the remainders that hold at least their share of the
 /// training keyframes; of two that are equally far, the lower remainder. Along a trajectory they are evenly spaced.
-fn thinned(train: Vec<usize>, held_out: &[usize], positions: &[DVec3], spacing: usize) -> Vec<usize> {
-    if spacing == 1 {
-        return train;
-    }
+fn thinned(train: &[usize], held_out: &[usize], positions: &[DVec3], spacing: usize) -> Vec<usize> {
     let share = train.len() / spacing;
     let of_remainder = |remainder: usize| -> Vec<usize> { train.iter().copied().filter(|i| i % spacing == remainder).collect() };
     let mut best: (f64, Vec<usize>) = (f64::NEG_INFINITY, Vec::new());
@@ -173,9 +171,9 @@ mod tests {
     fn thinning_keeps_what_is_farthest_from_the_held_out_ones() {
         // Every eighth held out: keyframes i with i mod spacing = spacing / 2 are left, spacing / 2 metres away.
         let (positions, (held_out, train)) = (on_a_line(64), (0..64).partition::<Vec<usize>, _>(|i| i % 8 == 0));
-        assert_eq!(thinned(train.clone(), &held_out, &positions, 1), train);
+        assert_eq!(thinned(&train, &held_out, &positions, 1), train);
         for spacing in [2, 4, 8] {
-            let kept = thinned(train.clone(), &held_out, &positions, spacing);
+            let kept = thinned(&train, &held_out, &positions, spacing);
             assert_eq!(kept, (spacing / 2..64).step_by(spacing).collect::<Vec<_>>(), "spacing {spacing}");
             let nearest = |i: &usize| nearest_m(&positions, &kept, *i);
             assert!(held_out.iter().map(nearest).all(|m| m == spacing as f64 / 2.0), "spacing {spacing}");
@@ -187,7 +185,7 @@ mod tests {
         // Every sixth held out: the even ones are two metres away, and fewer than their share.
         let (positions, (held_out, train)) = (on_a_line(36), (0..36).partition::<Vec<usize>, _>(|i| i % 6 == 0));
         let odd: Vec<usize> = (1..36).step_by(2).collect();
-        assert_eq!(thinned(train.clone(), &held_out, &positions, 2), odd);
+        assert_eq!(thinned(&train, &held_out, &positions, 2), odd);
         assert!(train.len() / 2 > train.iter().filter(|i| *i % 2 == 0).count());
         // By three, the first and the second remainder are mirror images but for the end of the line; rounding decides nothing.
         let circle = |i: u32| {
@@ -198,8 +196,8 @@ mod tests {
             )
         };
         let round: Vec<DVec3> = (0..36).map(circle).collect();
-        assert_eq!(thinned(train.clone(), &held_out, &round, 3), (1..36).step_by(3).collect::<Vec<_>>());
-        assert_eq!(thinned(vec![3, 7], &[5], &positions, 9), [3], "fewer keyframes than the spacing");
+        assert_eq!(thinned(&train, &held_out, &round, 3), (1..36).step_by(3).collect::<Vec<_>>());
+        assert_eq!(thinned(&[3, 7], &[5], &positions, 9), [3], "fewer keyframes than the spacing");
     }
 
     #[test]

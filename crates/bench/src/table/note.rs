@@ -41,9 +41,9 @@ fn fewer_seeds(rows: &[&Row<'_>], most: usize) -> String {
     said
 }
 
-/// Data sets other than that of most rows, each said as the beginning of a sentence, with its name and hash: records of several stand together where
-/// `joined.toml` says why.
-fn other_datasets<'a>(rows: &[&Row<'a>]) -> Vec<(String, (&'a str, &'a str))> {
+/// A sentence for each data set other than that of most rows, with the rows that have cells of it: records of several stand together where `joined.toml`
+/// says why.
+fn other_datasets(rows: &[&Row<'_>]) -> Vec<String> {
     let mut datasets: Vec<(&str, &str)> = Vec::new();
     for dataset in rows.iter().flat_map(|row| &row.datasets) {
         if !datasets.contains(dataset) {
@@ -56,8 +56,11 @@ fn other_datasets<'a>(rows: &[&Row<'a>]) -> Vec<(String, (&'a str, &'a str))> {
         return Vec::new();
     };
     datasets.retain(|other| other.1 != most.1);
-    let said = |(name, hash): (&str, &str)| format!("Of data set {name} (hash {hash:.12}), not {} (hash {:.12})", most.0, most.1);
-    datasets.into_iter().map(|other| (said(other), other)).collect()
+    let sentence = |other: (&str, &str)| {
+        let of_other = named(rows, |row| row.datasets.contains(&other))?;
+        Some(format!("Of data set {} (hash {:.12}), not {} (hash {:.12}): {of_other}.", other.0, other.1, most.0, most.1))
+    };
+    datasets.into_iter().filter_map(sentence).collect()
 }
 
 /// The note under a table of these rows with these columns.
@@ -100,10 +103,7 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
     if let Some(oracles) = named(rows, |r| r.true_scene) {
         let _ = write!(note, " The true scene (mirror images of the transmitter) used by: {oracles}.");
     }
-    for (said, dataset) in other_datasets(rows) {
-        let of_dataset = named(rows, |r| r.datasets.contains(&dataset)).unwrap_or_default();
-        let _ = write!(note, " {said}: {of_dataset}.");
-    }
+    other_datasets(rows).iter().for_each(|said| note += &format!(" {said}"));
     if let Some(unverified) = named(rows, |r| r.unverified) {
         let _ = write!(note, " Dataset files not checked against their recorded SHA-256: {unverified}.");
     }
