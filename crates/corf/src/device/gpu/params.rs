@@ -128,7 +128,7 @@ fn reach(f: f32, limits: [f32; 2]) -> f32 {
 }
 
 impl Params {
-    /// Constants of a frame: its pose, the images to render (optical, RF) and their background colours.
+    /// Constants of a frame: its pose, the images to render (optical, RF) and their background colours. Its tiles are not set.
     pub fn new(
         pose: &Pose,
         grids: &[Option<Grid>; 2],
@@ -136,7 +136,6 @@ impl Params {
         near_m: f32,
         gaussians: usize,
         optimizer: &OptimizerConfig,
-        tile: [u32; 2],
     ) -> Self {
         let mut p = Self::zeroed();
         for (row, out) in p.camera_from_world.iter_mut().enumerate() {
@@ -149,7 +148,7 @@ impl Params {
         for (g, grid) in grids.iter().enumerate() {
             let out = &mut p.grids[g];
             out.mask_at = NO_MASK;
-            (out.first_tile, out.first_pixel, out.first_block) = (p.tile_total, p.pixel_total, p.blocks_total);
+            (out.first_pixel, out.first_block) = (p.pixel_total, p.blocks_total);
             let Some(grid) = grid else { continue };
             let size = [grid.width as u32, grid.height as u32];
             out.focal = [grid.fx, grid.fy];
@@ -157,11 +156,9 @@ impl Params {
             (out.x_limits, out.y_limits) = (grid.x_limits, grid.y_limits);
             out.reach = [reach(grid.fx, grid.x_limits), reach(grid.fy, grid.y_limits)];
             out.size = size;
-            out.tiles = [size[0].div_ceil(tile[0]), size[1].div_ceil(tile[1])];
             out.blocks = size[0].div_ceil(LOSS_BLOCK[0]);
             let [r, gr, b] = backgrounds[g];
             out.background = [r, gr, b, 0.0];
-            p.tile_total += out.tiles[0] * out.tiles[1];
             p.pixel_total += size[0] * size[1];
             p.blocks_total += out.blocks * size[1].div_ceil(LOSS_BLOCK[1]);
         }
@@ -195,14 +192,25 @@ impl Params {
         self.visible_capacity = (room.visible as u32).min(self.gaussians);
     }
 
-    /// One list of pairs for both images, if they have one camera; their tiles count once.
+    /// One list of pairs for both images, if they have one camera.
     pub fn fuse(&mut self) {
         let [a, b] = &self.grids;
         let alike = |a: [f32; 2], b: [f32; 2]| a == b;
         if a.size[0] > 0 && a.size == b.size && alike(a.focal, b.focal) && alike(a.centre, b.centre) {
             self.fused = 1;
-            self.tile_total = a.tiles[0] * a.tiles[1];
-            self.grids[1].first_tile = self.tile_total;
+        }
+    }
+
+    /// Divides the images into tiles of shape `shape`, `tile` pixels across and down; those of images with one list count once.
+    pub fn set_tiles(&mut self, shape: usize, tile: [u32; 2]) {
+        self.shape = shape as u32;
+        self.tile_total = 0;
+        for (g, grid) in self.grids.iter_mut().enumerate() {
+            grid.tiles = [0, 1].map(|axis| grid.size[axis].div_ceil(tile[axis]));
+            grid.first_tile = self.tile_total;
+            if g == 0 || self.fused == 0 {
+                self.tile_total += grid.tiles[0] * grid.tiles[1];
+            }
         }
     }
 }

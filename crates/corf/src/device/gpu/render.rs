@@ -60,11 +60,11 @@ impl GpuDevice {
         let pose = wanted.iter().flatten().map(|(v, _)| Pose::new(&v.world_from_camera)).next()?;
         let grids = wanted.map(|w| w.map(|(v, _)| Grid::new(&v.camera, self.raster.antialias)));
         let backgrounds = wanted.map(|w| w.map_or([0.0; 3], |(_, b)| b));
-        let (near_m, tile) = (self.raster.near_m, self.shapes[0].tile);
-        let mut params = Params::new(&pose, &grids, backgrounds, near_m, self.store.len(), &self.optimizer, tile);
+        let mut params = Params::new(&pose, &grids, backgrounds, self.raster.near_m, self.store.len(), &self.optimizer);
         if self.fuse && !name {
             params.fuse();
         }
+        params.set_tiles(0, self.shapes[0].tile);
         Some(params)
     }
 

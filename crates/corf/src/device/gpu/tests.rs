@@ -129,6 +129,29 @@ fn checkpoints_may_be_larger_than_what_an_adapter_binds_at_once() {
     }
 }
 
+/// Records of one image take 32 bytes a pair in their heads, whatever the tile; small tiles make more pairs.
+#[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
+fn steps_that_have_no_room_with_small_tiles_take_larger_ones() {
+    let of = |tile| device_on(&GpuOptions { tile, batch: 32, ..OPTIONS }, 2000);
+    let (Some(mut small), Some(mut large), Some(mut limited)) = (of(None), of(Some([8, 8])), of(None)) else { return };
+    let steps = [Step { light_weight: 0.0, ..step() }; 3];
+    small.train(&steps).unwrap();
+    large.train(&steps).unwrap();
+    let (many, few) = (small.pairs() as u64, large.pairs() as u64);
+    assert!(small.last.shape == 1 && many > few + few / 5, "{many} and {few}");
+    let limit = |device: &mut GpuDevice, pairs: u64| {
+        std::sync::Arc::get_mut(&mut device.context).unwrap().limits.max_storage_buffer_binding_size = 32 * pairs;
+    };
+    limit(&mut limited, (many + few) / 2);
+    limited.train(&steps).unwrap();
+    assert!(limited.last.shape == 0 && limited.state().unwrap() == large.state().unwrap());
+    // What does not fit with those either is refused as before.
+    limit(&mut limited, few / 2);
+    let text = limited.train(&steps).unwrap_err().to_string();
+    assert!(text.contains("binds at most"), "{text}");
+}
+
 #[test]
 #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn rows_are_the_same_gathered_in_pieces_or_at_once() {

@@ -3,9 +3,9 @@
 use super::{
     GpuDevice,
     capacity::BufferCapacity,
-    frame::{Extent, FAILED, Leaves, NEEDED, STATE_WORDS, STEPS, VISIBLE},
+    frame::{Extent, FAILED, Leaves, Memory, NEEDED, STATE_WORDS, STEPS, VISIBLE},
     params::{GridParams, Params, Uniforms},
-    shaders::HarmonicsShape,
+    shaders::{Fixed, HarmonicsShape},
     store::CORE,
     training::{Destination, Planned},
 };
@@ -62,6 +62,25 @@ pub(crate) struct Batch {
     pub(super) done: usize,
 }
 
+impl Batch {
+    /// Divides the images of steps that have small tiles into the usual, larger ones, which make fewer pairs; whether there were such steps.
+    fn take_usual_tiles(&mut self, shapes: &[Fixed]) -> bool {
+        let area = |shape: usize| (shapes[shape].tile[0] * shapes[shape].tile[1]) as usize;
+        let smallest = self.steps.iter().map(|s| area(s.params.shape as usize)).min().unwrap_or_default();
+        if smallest >= area(0) {
+            return false;
+        }
+        self.steps.iter_mut().for_each(|s| s.params.set_tiles(0, shapes[0].tile));
+        self.extent.area = area(0);
+        // It takes no fewer: a large tile holds so many small ones.
+        self.room.pairs = (self.room.pairs * smallest).div_ceil(area(0));
+        if let Some(last) = self.steps.last() {
+            self.last = last.params;
+        }
+        true
+    }
+}
+
 impl GpuDevice {
     pub(super) fn plan_step(&self, step: &Step, optimizer: &OptimizerConfig) -> Result<Planned> {
         let place = || format!("training step for view {}", step.view.0);
@@ -84,19 +103,12 @@ impl GpuDevice {
             }
         }
         let backgrounds = [step.light_background, step.radio_background];
-        let of_shape = |shape: usize| {
-            let (tile, near_m) = (self.shapes[shape].tile, self.raster.near_m);
-            let mut p = Params::new(&pyramid.pose, &grids, backgrounds, near_m, self.store.len(), optimizer, tile);
-            p.shape = shape as u32;
-            if self.fuse {
-                p.fuse();
-            }
-            p
-        };
-        let mut params = of_shape(0);
-        if self.shapes.len() > 1 && params.pixel_total <= FEW_PIXELS[params.fused as usize] {
-            params = of_shape(1);
+        let mut params = Params::new(&pyramid.pose, &grids, backgrounds, self.raster.near_m, self.store.len(), optimizer);
+        if self.fuse {
+            params.fuse();
         }
+        let shape = usize::from(self.shapes.len() > 1 && params.pixel_total <= FEW_PIXELS[params.fused as usize]);
+        params.set_tiles(shape, self.shapes[shape].tile);
         params.train_geometry = u32::from(step.train_geometry);
         pyramid.target(at, weights, self.store.harmonics.map(|h| h.channels), step.depth_weight, &mut params);
         Ok(Planned { params, view: step.view })
@@ -189,9 +201,15 @@ impl GpuDevice {
         self.begin_report(batch)
     }
 
-    /// Makes the room that a batch asks for.
+    /// Makes the room that a batch asks for, with fewer and larger tiles where there is none for small ones.
     pub(super) fn make_room(&mut self, batch: &mut Batch) -> Result<()> {
-        self.memory.reserve(&self.context, &self.shapes[0], &batch.extent, batch.room)?;
+        let reserve =
+            |memory: &mut Memory, batch: &Batch| memory.reserve(&self.context, &self.shapes[0], &batch.extent, batch.room);
+        let mut made = reserve(&mut self.memory, batch);
+        if made.is_err() && batch.take_usual_tiles(&self.shapes) {
+            made = reserve(&mut self.memory, batch);
+        }
+        made?;
         let held = self.memory.room;
         batch.steps.iter_mut().for_each(|p| p.params.set_room(held));
         Ok(())

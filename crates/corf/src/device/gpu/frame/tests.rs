@@ -270,10 +270,11 @@ fn emitted(
     let cameras = [if fused { [400, 240] } else { [96, 70] }, [400, 240]].map(|[w, h]| Pinhole::from_horizontal_fov(w, h, 70.0));
     let grids = [0, 1].map(|k| images[k].then(|| Grid::new(&cameras[k], fixed.antialias)));
     let optimizer = OptimizerConfig::default();
-    let mut params = Params::new(&Pose::new(&Rigid3::IDENTITY), &grids, [[0.0; 3]; 2], 0.1, g.len(), &optimizer, fixed.tile);
+    let mut params = Params::new(&Pose::new(&Rigid3::IDENTITY), &grids, [[0.0; 3]; 2], 0.1, g.len(), &optimizer);
     if fused {
         params.fuse();
     }
+    params.set_tiles(0, fixed.tile);
     let mut extent = Extent { gaussians: g.len(), ..Extent::default() };
     extent.include(&params, &[fixed]);
     let mut m = Memory::new(context).unwrap();
