@@ -65,20 +65,30 @@ fn a_published_set_goes_in_and_out_unchanged_and_is_learnt() {
         ssim(&out)
     };
     assert!(run("nearest", &[]) > 0.9);
-    let quick = ["iterations=40", "rays=128", "width=32", "samples=16", "near_m=0", "far_m=4"];
-    let learnt = run("nerf2", &quick.iter().flat_map(|set| ["--set", set]).collect::<Vec<_>>());
+    let quick = "iterations=40 rays=128 width=32 samples=16";
+    let nerf2 = |more: &str| {
+        let sets: Vec<&str> = quick.split(' ').chain(more.split_terminator(' ')).flat_map(|set| ["--set", set]).collect();
+        let learnt = run("nerf2", &sets);
+        fs::remove_dir_all(at("nerf2")).unwrap();
+        learnt
+    };
+    let learnt = nerf2("");
     assert!((0.0..1.0).contains(&learnt), "{learnt}");
+    // Rays end where the published ones do.
+    assert!(learnt == nerf2("array_near_m=0 array_far_m=5") && learnt != nerf2("array_far_m=20"));
     // Gaussians over azimuth and elevation, deformed for the transmitter's place: they find the lobe where a blend of all spectra smears it.
     let few =
         "random_points=300 array_spread_m=2 density.until=0 iterations=600 width=32 layers=3 skip=1 rates.network=[4e-3,4e-3]";
     let drawn = run("wrf-gs-plus", &few.split(' ').flat_map(|set| ["--set", set]).collect::<Vec<_>>());
     let blend = run("inverse-distance", &["--set", "keyframes=200", "--set", "power=1"]);
     assert!(drawn > blend, "{drawn} against {blend}");
-    // A size for receivers that move means nothing here.
-    corf_refuses(
-        &["reconstruct", text(&at("data")), "--method", "wrf-gs-plus", "--set", "random_extent=2", "--out", text(&at("refused"))],
-        &["random_extent", "stands still"],
-    );
+    // Lengths for receivers that move mean nothing here.
+    for (method, set) in [("wrf-gs-plus", "random_extent=2"), ("nerf2", "far_m=4")] {
+        corf_refuses(
+            &["reconstruct", text(&at("data")), "--method", method, "--set", set, "--out", text(&at("refused"))],
+            &[set.split('=').next().unwrap(), "stands still"],
+        );
+    }
     // What has no meaning here says so.
     for method in ["corf-gs", "corf-array", "rf-3dgs"] {
         corf_refuses(

@@ -12,6 +12,7 @@ use crate::methods::stepwise::report_unless_kept;
 use crate::metrics::Prediction;
 use crate::terminal::interrupt;
 use anyhow::{Context, Result, ensure};
+use corf::IdleKey;
 use corf_baselines::nerf2::{Nerf2Config, Nerf2CpuTrainer, Nerf2Model, Nerf2Trainer, Sight, TrainedNerf2, TrainingRays};
 use corf_scene::dataset::{Dataset, FixedArray};
 use corf_scene::keyframe::Modalities;
@@ -142,12 +143,18 @@ impl Method for Nerf2 {
         Modalities { light: false, radio: true }
     }
 
+    fn idle_keys(&self, training: Option<&TrainingSet<'_>>) -> Result<Vec<IdleKey>> {
+        // Before it is known what they are used on, all of them may mean something.
+        Ok(training.map_or_else(Vec::new, |training| self.config.idle_keys(training.fixed_array().is_some())))
+    }
+
     fn reconstruct(
         &self,
         training: &TrainingSet<'_>,
         seed: u64,
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
+        let config = if training.fixed_array().is_some() { self.config.of_array() } else { self.config };
         let range = training.required_db_range()?;
         let sight = sight(training.fixed_array(), training.radio_camera());
         let mut rays = TrainingRays::new(sight.clone(), seed);
@@ -157,16 +164,16 @@ impl Method for Nerf2 {
             rays.push(world_from_camera, &spectrum.map(|&s| range.scalar(s)))?;
         }
         let mut field = TrainedNerf2 {
-            config: self.config,
+            config,
             // The same for all rays: where it is not known, any other constant does as well.
             transmitter_m: training.transmitter_m().unwrap_or_default().map(|v| v as f32),
-            parameters: Nerf2Model::new(&self.config).network.initial(seed),
+            parameters: Nerf2Model::new(&config).network.initial(seed),
         };
         let mut trainer = trainer(&self.backend, &field)?;
         let with_seed = |c: Checkpoints| Checkpoints { tag: format!("{} seed {seed}", c.tag), ..c };
         let mut checkpointer = Checkpointer { checkpoints: self.checkpoints.clone().map(with_seed), at: Instant::now() };
         let first = checkpointer.resume(trainer.as_mut())?;
-        let (schedule, total) = (self.config.schedule(), self.config.iterations);
+        let (schedule, total) = (config.schedule(), config.iterations);
         let mut reported = Instant::now();
         for step in first..total {
             let interrupted = |trainer: &mut dyn Nerf2Trainer, error: anyhow::Error| {
@@ -175,7 +182,7 @@ impl Method for Nerf2 {
                 error
             };
             interrupt::check().map_err(|e| interrupted(trainer.as_mut(), e))?;
-            trainer.step(&rays.batch(&self.config, step as u64), schedule.at(step as u64))?;
+            trainer.step(&rays.batch(&config, step as u64), schedule.at(step as u64))?;
             let done = step + 1;
             if done == total || reported.elapsed() >= REPORT_INTERVAL {
                 reported = Instant::now();
