@@ -156,8 +156,8 @@ fn field(context: &Context, overrides: &toml::Table, data_set: &Dataset) -> Resu
     let reported = |e: anyhow::Error| format!("{e:#}");
     let split = Split::of(data_set, Protocol::TEST).map_err(reported)?;
     let training = TrainingSet::new(data_set, &split);
-    let method = registry::create(context.method, overrides, &Backend::Cpu).map_err(reported)?;
-    registry::check_data_set(method.as_ref(), overrides, &training).map_err(reported)?;
+    let mut method = registry::create(context.method, overrides, &Backend::Cpu).map_err(reported)?;
+    registry::check_data_set(method.as_mut(), overrides, &training).map_err(reported)?;
     let mut predictor = method.reconstruct(&training, 1, &mut |_| Ok(())).map_err(reported)?;
     let mut bytes = Vec::new();
     for &index in &split.held_out {

@@ -1,7 +1,7 @@
 //! The constants of NeRF² and of its training.
 
 use crate::mlp::Cosine;
-use corf::{Error, IdleKey, Result};
+use corf::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -23,14 +23,10 @@ pub struct Nerf2Config {
     pub skip: usize,
     /// Frequencies of the encodings of position, direction and transmitter.
     pub frequencies: usize,
-    /// Beginning of rays, metres from a receiver that moves (published: 0).
+    /// Beginning of rays, metres from the receiver (published: 0, the default where an array stands still).
     pub near_m: f32,
-    /// End of rays, metres from a receiver that moves (published: 5, which does not reach the walls of a hall).
+    /// End of rays, metres from the receiver (published: 5, which does not reach the walls of a hall; the default where an array stands still).
     pub far_m: f32,
-    /// Beginning of rays, metres from an array that stands still.
-    pub array_near_m: f32,
-    /// End of rays, metres from an array that stands still.
-    pub array_far_m: f32,
     /// Adam's rate at the beginning.
     pub rate: f64,
     /// Adam's rate where the cosine is lowest.
@@ -59,8 +55,6 @@ impl Default for Nerf2Config {
             frequencies: 10,
             near_m: 0.05,
             far_m: 20.0,
-            array_near_m: 0.0,
-            array_far_m: 5.0,
             rate: 8e-4,
             least_rate: 1e-6,
             weight_decay: 5e-5,
@@ -72,6 +66,8 @@ impl Default for Nerf2Config {
     }
 }
 
+/// Beginning and end of the published rays, metres from the receiver.
+pub const PUBLISHED_RAYS_M: [f32; 2] = [0.0, 5.0];
 /// Most points of a step.
 const MOST_POINTS: usize = 1 << 24;
 /// Most weights between hidden layers: a gradient of them is held for each thread.
@@ -120,13 +116,9 @@ impl Nerf2Config {
             let what = format!("{} layers of {} have about {weights} weights", self.layers, self.width);
             return Err(Error::invalid("width, layers", what, format!("give so few that these are at most {MOST_WEIGHTS}")));
         }
-        for (keys, near, far) in
-            [("near_m, far_m", self.near_m, self.far_m), ("array_near_m, array_far_m", self.array_near_m, self.array_far_m)]
-        {
-            if !(near >= 0.0 && far > near && far <= 1e4) {
-                let what = format!("rays from {near} to {far} m");
-                return Err(Error::invalid(keys, what, "give 0 ≤ near < far ≤ 10000"));
-            }
+        if !(self.near_m >= 0.0 && self.far_m > self.near_m && self.far_m <= 1e4) {
+            let what = format!("rays from {} to {} m", self.near_m, self.far_m);
+            return Err(Error::invalid("near_m, far_m", what, "give 0 ≤ near_m < far_m ≤ 10000"));
         }
         let numbers = [
             ("rate", self.rate, 1e-12..=1.0),
@@ -140,23 +132,6 @@ impl Nerf2Config {
             }
         }
         Ok(())
-    }
-
-    /// The same, with the rays of an array that stands still in the place of those of receivers that move.
-    pub fn of_array(self) -> Self {
-        Self { near_m: self.array_near_m, far_m: self.array_far_m, ..self }
-    }
-
-    /// Keys that have no effect on what an array sees that stands still, or otherwise on what receivers see that move.
-    pub fn idle_keys(&self, of_array: bool) -> Vec<IdleKey> {
-        const MOVING: &str = "it is of receivers that move, and here the array stands still";
-        const FIXED: &str = "it is of an array that stands still, and here receivers move";
-        IdleKey::all([
-            ("near_m", !of_array, MOVING),
-            ("far_m", !of_array, MOVING),
-            ("array_near_m", of_array, FIXED),
-            ("array_far_m", of_array, FIXED),
-        ])
     }
 
     /// The schedule of Adam's rate.
@@ -183,7 +158,6 @@ mod tests {
             ("width, layers", Nerf2Config { width: 4096, layers: 64, ..standard }),
             ("rays", Nerf2Config { rays: 1 << 20, ..standard }),
             ("far_m", Nerf2Config { far_m: f32::NAN, ..standard }),
-            ("array_far_m", Nerf2Config { array_far_m: 0.0, ..standard }),
             ("rate", Nerf2Config { rate: f64::NAN, ..standard }),
         ];
         for (key, config) in refused {

@@ -17,7 +17,7 @@ pub mod rendering;
 mod tests;
 mod trainer;
 
-pub use config::Nerf2Config;
+pub use config::{Nerf2Config, PUBLISHED_RAYS_M};
 pub use cpu::Nerf2CpuTrainer;
 #[cfg(feature = "gpu")]
 pub use gpu::Nerf2GpuTrainer;

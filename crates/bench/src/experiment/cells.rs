@@ -250,7 +250,11 @@ impl Source {
     fn of(cell: Cell<'_>, split: &Split, dataset: &Dataset, backend: &Backend) -> Result<Self> {
         Ok(match folder_of(cell, split, dataset)? {
             Some(folder) => Self::Folder(folder),
-            None => Self::Method(methods::create(&cell.row.method, &cell.row.config, backend)?),
+            None => {
+                let mut method = methods::create(&cell.row.method, &cell.row.config, backend)?;
+                method.settle(dataset)?;
+                Self::Method(method)
+            }
         })
     }
 
@@ -292,9 +296,9 @@ pub fn check_rows(plan: &Plan, dataset: &Dataset) -> Result<()> {
         let split = Split::of(dataset, protocol)?;
         for row in plan.rows.iter().filter(|row| row.kind == RowKind::Method) {
             let check = || {
-                let method = methods::create(&row.method, &row.config, &Backend::Cpu)?;
+                let mut method = methods::create(&row.method, &row.config, &Backend::Cpu)?;
                 harness::check_training(method.as_ref(), dataset, &split)?;
-                registry::check_data_set(method.as_ref(), &row.config, &TrainingSet::new(dataset, &split))
+                registry::check_data_set(method.as_mut(), &row.config, &TrainingSet::new(dataset, &split))
             };
             check().with_context(|| format!("row \"{}\"", row.label))?;
         }

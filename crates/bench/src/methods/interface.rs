@@ -438,6 +438,15 @@ pub trait Method {
         true
     }
 
+    /// Gives settings that nobody chose, and whose usual value depends on the kind of data set, that of this one. Comes before the configuration
+    /// is read for a run.
+    ///
+    /// # Errors
+    /// Settings that do not go with those values.
+    fn settle(&mut self, _dataset: &Dataset) -> Result<()> {
+        Ok(())
+    }
+
     /// Keys of its settings that mean nothing beside the others; `training` says what they are used on, where that is known yet.
     ///
     /// # Errors

@@ -12,8 +12,9 @@ use crate::methods::stepwise::report_unless_kept;
 use crate::metrics::Prediction;
 use crate::terminal::interrupt;
 use anyhow::{Context, Result, ensure};
-use corf::IdleKey;
-use corf_baselines::nerf2::{Nerf2Config, Nerf2CpuTrainer, Nerf2Model, Nerf2Trainer, Sight, TrainedNerf2, TrainingRays};
+use corf_baselines::nerf2::{
+    Nerf2Config, Nerf2CpuTrainer, Nerf2Model, Nerf2Trainer, PUBLISHED_RAYS_M, Sight, TrainedNerf2, TrainingRays,
+};
 use corf_scene::dataset::{Dataset, FixedArray};
 use corf_scene::keyframe::Modalities;
 use corf_scene::{Keyframe, Pinhole, Radio, Rigid3};
@@ -70,6 +71,8 @@ last_sample = true
 pub struct Nerf2 {
     id: String,
     config: Nerf2Config,
+    /// Whether beginning and end of rays were chosen.
+    chosen: [bool; 2],
     backend: Backend,
     checkpoints: Option<Checkpoints>,
 }
@@ -80,9 +83,10 @@ impl Nerf2 {
     /// # Errors
     /// A key that does not exist, or a value out of range.
     pub fn new(id: &str, settings: toml::Table, backend: &Backend) -> Result<Self> {
+        let chosen = ["near_m", "far_m"].map(|key| settings.contains_key(key));
         let config: Nerf2Config = over_defaults(settings)?;
         config.validate()?;
-        Ok(Self { id: id.to_owned(), config, backend: backend.clone(), checkpoints: None })
+        Ok(Self { id: id.to_owned(), config, chosen, backend: backend.clone(), checkpoints: None })
     }
 }
 
@@ -143,9 +147,16 @@ impl Method for Nerf2 {
         Modalities { light: false, radio: true }
     }
 
-    fn idle_keys(&self, training: Option<&TrainingSet<'_>>) -> Result<Vec<IdleKey>> {
-        // Before it is known what they are used on, all of them may mean something.
-        Ok(training.map_or_else(Vec::new, |training| self.config.idle_keys(training.fixed_array().is_some())))
+    fn settle(&mut self, dataset: &Dataset) -> Result<()> {
+        if dataset.fixed_array().is_some() {
+            let c = &mut self.config;
+            for ((end, published), chosen) in [&mut c.near_m, &mut c.far_m].into_iter().zip(PUBLISHED_RAYS_M).zip(self.chosen) {
+                if !chosen {
+                    *end = published;
+                }
+            }
+        }
+        Ok(self.config.validate()?)
     }
 
     fn reconstruct(
@@ -154,7 +165,6 @@ impl Method for Nerf2 {
         seed: u64,
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
-        let config = if training.fixed_array().is_some() { self.config.of_array() } else { self.config };
         let range = training.required_db_range()?;
         let sight = sight(training.fixed_array(), training.radio_camera());
         let mut rays = TrainingRays::new(sight.clone(), seed);
@@ -164,16 +174,16 @@ impl Method for Nerf2 {
             rays.push(world_from_camera, &spectrum.map(|&s| range.scalar(s)))?;
         }
         let mut field = TrainedNerf2 {
-            config,
+            config: self.config,
             // The same for all rays: where it is not known, any other constant does as well.
             transmitter_m: training.transmitter_m().unwrap_or_default().map(|v| v as f32),
-            parameters: Nerf2Model::new(&config).network.initial(seed),
+            parameters: Nerf2Model::new(&self.config).network.initial(seed),
         };
         let mut trainer = trainer(&self.backend, &field)?;
         let with_seed = |c: Checkpoints| Checkpoints { tag: format!("{} seed {seed}", c.tag), ..c };
         let mut checkpointer = Checkpointer { checkpoints: self.checkpoints.clone().map(with_seed), at: Instant::now() };
         let first = checkpointer.resume(trainer.as_mut())?;
-        let (schedule, total) = (config.schedule(), config.iterations);
+        let (schedule, total) = (self.config.schedule(), self.config.iterations);
         let mut reported = Instant::now();
         for step in first..total {
             let interrupted = |trainer: &mut dyn Nerf2Trainer, error: anyhow::Error| {
@@ -182,7 +192,7 @@ impl Method for Nerf2 {
                 error
             };
             interrupt::check().map_err(|e| interrupted(trainer.as_mut(), e))?;
-            trainer.step(&rays.batch(&config, step as u64), schedule.at(step as u64))?;
+            trainer.step(&rays.batch(&self.config, step as u64), schedule.at(step as u64))?;
             let done = step + 1;
             if done == total || reported.elapsed() >= REPORT_INTERVAL {
                 reported = Instant::now();

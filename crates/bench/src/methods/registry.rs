@@ -114,11 +114,13 @@ pub fn check_given(method: &dyn Method, overrides: &toml::Table, training: Optio
     Ok(())
 }
 
-/// Whether a method takes a data set, and whether all that its caller gave has an effect there: before anything is begun.
+/// Settles a method for a data set; whether it takes it, and whether all that its caller gave has an effect there: before anything is begun.
 ///
 /// # Errors
-/// Those of [`Method::check_files`] and [`check_given`].
-pub fn check_data_set(method: &dyn Method, overrides: &toml::Table, training: &TrainingSet<'_>) -> Result<()> {
+/// Those of [`Method::settle`], [`Method::check_files`] and [`check_given`].
+pub fn check_data_set(method: &mut dyn Method, overrides: &toml::Table, training: &TrainingSet<'_>) -> Result<()> {
+    let (dataset, _) = training.to_check_against();
+    method.settle(dataset)?;
     method.check_files(training)?;
     check_given(method, overrides, Some(training))
 }

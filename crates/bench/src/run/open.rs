@@ -86,7 +86,8 @@ fn open_with(
     let input = Input::of(dataset, verify.wanted())?;
     let dataset = &input.dataset;
     let split = Split::of(dataset, info.protocol)?;
-    let method = registry::create_again(&info.method, &info.overrides, backend)?;
+    let mut method = registry::create_again(&info.method, &info.overrides, backend)?;
+    method.settle(dataset)?;
     let saved = SavedRun { folder, config: &info.config, dataset, backend };
     let predictor = registry::open(&saved, method.as_ref(), info.seed, &split)?;
     Ok(OpenRun { info, input, split, method, predictor })

@@ -248,7 +248,7 @@ impl Reconstruct {
         let dataset = &input.dataset;
         let split = Split::of(dataset, protocol)?;
         harness::check_training(method.as_ref(), dataset, &split)?;
-        methods::registry::check_data_set(method.as_ref(), &overrides, &TrainingSet::new(dataset, &split))?;
+        methods::registry::check_data_set(method.as_mut(), &overrides, &TrainingSet::new(dataset, &split))?;
         let every = self.evaluate_every;
         let mut quality = every.map(|n| QualityWatch::new(n, method.as_ref(), &input, &split, &backend)).transpose()?;
         if let Some(picture) = &mut picture {

@@ -11,7 +11,8 @@ use corf_gpu::AdapterOptions;
 pub struct GpuOptions {
     /// The adapter. With timestamps there are times of a training step's kernels ([`take_stage_times`](super::GpuDevice::take_stage_times)).
     pub adapter: AdapterOptions,
-    /// Pixels across and down a tile. Without, steps choose by their images, and images that nobody trains on have the larger tiles.
+    /// Pixels across and down a tile. Without, steps choose by their images, and by the room that there is for their pairs; images that nobody
+    /// trains on have the larger tiles.
     pub tile: Option<[u32; 2]>,
     /// Splats that the backward pass takes at once.
     pub batch: u32,

@@ -128,7 +128,8 @@ fn reach(f: f32, limits: [f32; 2]) -> f32 {
 }
 
 impl Params {
-    /// Constants of a frame: its pose, the images to render (optical, RF) and their background colours. Its tiles are not set.
+    /// Constants of a frame: its pose, the images to render (optical, RF) and their background colours. It has no tiles until
+    /// [`Self::set_tiles`], which comes after [`Self::fuse`].
     pub fn new(
         pose: &Pose,
         grids: &[Option<Grid>; 2],

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use super::*;
-use crate::device::{Planes, View};
+use crate::device::{DenseStep, Planes, View};
 use corf_scene::{Pinhole, Rigid3, Rng};
 use testing::OPTIONS;
 
@@ -129,27 +129,48 @@ fn checkpoints_may_be_larger_than_what_an_adapter_binds_at_once() {
     }
 }
 
-/// Records of one image take 32 bytes a pair in their heads, whatever the tile; small tiles make more pairs.
+/// Heads of one image's records take 32 bytes a pair, of both images' checkpoints 40 on tiles of 8x8; small tiles make more pairs.
 #[test]
 #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
-fn steps_that_have_no_room_with_small_tiles_take_larger_ones() {
-    let of = |tile| device_on(&GpuOptions { tile, batch: 32, ..OPTIONS }, 2000);
-    let (Some(mut small), Some(mut large), Some(mut limited)) = (of(None), of(Some([8, 8])), of(None)) else { return };
-    let steps = [Step { light_weight: 0.0, ..step() }; 3];
-    small.train(&steps).unwrap();
-    large.train(&steps).unwrap();
-    let (many, few) = (small.pairs() as u64, large.pairs() as u64);
-    assert!(small.last.shape == 1 && many > few + few / 5, "{many} and {few}");
-    let limit = |device: &mut GpuDevice, pairs: u64| {
-        std::sync::Arc::get_mut(&mut device.context).unwrap().limits.max_storage_buffer_binding_size = 32 * pairs;
+fn a_step_that_has_no_room_with_small_tiles_takes_larger_ones() {
+    let mut wide = cloud(300);
+    wide.log_scale.fill([-0.7; 3]);
+    let of = |tile| {
+        let mut device = device_on(&GpuOptions { tile, batch: 32, ..OPTIONS }, 0)?;
+        device.append(&wide).unwrap();
+        Some(device)
     };
-    limit(&mut limited, (many + few) / 2);
-    limited.train(&steps).unwrap();
-    assert!(limited.last.shape == 0 && limited.state().unwrap() == large.state().unwrap());
-    // What does not fit with those either is refused as before.
-    limit(&mut limited, few / 2);
-    let text = limited.train(&steps).unwrap_err().to_string();
-    assert!(text.contains("binds at most"), "{text}");
+    let limit = |device: &mut GpuDevice, bytes: u64| {
+        std::sync::Arc::get_mut(&mut device.context).unwrap().limits.max_storage_buffer_binding_size = bytes;
+    };
+    let radio = Step { light_weight: 0.0, ..step() };
+    let dense = DenseStep { step: radio, number: 1, position_rate_m: 1e-3, degree: 0, screen_gradients: true };
+    let sparse = |device: &mut GpuDevice, step: Step, portion: usize| {
+        [step; 3].chunks(portion).try_for_each(|some| device.train(some).map(drop))
+    };
+    let ways: [(&dyn Fn(&mut GpuDevice, usize) -> Result<()>, u64); 3] = [
+        (&|device, portion| sparse(device, radio, portion), 32),
+        (&|device, portion| sparse(device, step(), portion), 40),
+        (&|device, portion| [dense; 3].chunks(portion).try_for_each(|some| device.train_dense(some).map(drop)), 32),
+    ];
+    for (train, bytes) in ways {
+        let (Some(mut small), Some(mut large)) = (of(None), of(Some([8, 8]))) else { return };
+        train(&mut small, 3).unwrap();
+        train(&mut large, 3).unwrap();
+        let (many, few) = (32 * small.pairs() as u64, bytes * large.pairs() as u64);
+        assert!(small.last.shape == 1 && many > few + few / 50, "{many} and {few}");
+        // Together or one by one.
+        for portion in [3, 1] {
+            let mut limited = of(None).unwrap();
+            limit(&mut limited, few + few / 100);
+            train(&mut limited, portion).unwrap();
+            assert!(limited.last.shape == 0 && limited.state().unwrap() == large.state().unwrap());
+            // What does not fit with those tiles either is refused.
+            limit(&mut limited, few - few / 10);
+            let text = train(&mut limited, portion).unwrap_err().to_string();
+            assert!(text.contains("binds at most"), "{text}");
+        }
+    }
 }
 
 #[test]

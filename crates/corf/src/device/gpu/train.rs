@@ -3,7 +3,7 @@
 use super::{
     GpuDevice,
     capacity::BufferCapacity,
-    frame::{Extent, FAILED, Leaves, Memory, NEEDED, STATE_WORDS, STEPS, VISIBLE},
+    frame::{Extent, FAILED, Leaves, NEEDED, STATE_WORDS, STEPS, VISIBLE},
     params::{GridParams, Params, Uniforms},
     shaders::{Fixed, HarmonicsShape},
     store::CORE,
@@ -13,7 +13,7 @@ use crate::{
     Error, Gaussians, OptimizerConfig, Result,
     device::{DenseStep, Step, StepReport, cpu::pyramid::check_levels},
 };
-use corf_gpu::{Reading, Timestamps};
+use corf_gpu::{Context, Reading, Timestamps};
 use std::{collections::BTreeMap, time::Instant};
 
 /// Names of a step's kernels, in order.
@@ -63,21 +63,25 @@ pub(crate) struct Batch {
 }
 
 impl Batch {
-    /// Divides the images of steps that have small tiles into the usual, larger ones, which make fewer pairs; whether there were such steps.
-    fn take_usual_tiles(&mut self, shapes: &[Fixed]) -> bool {
-        let area = |shape: usize| (shapes[shape].tile[0] * shapes[shape].tile[1]) as usize;
-        let smallest = self.steps.iter().map(|s| area(s.params.shape as usize)).min().unwrap_or_default();
-        if smallest >= area(0) {
-            return false;
+    /// What to try after the step that comes next found no room in all that was `held`: more; or, where there can be no more, the usual, larger
+    /// tiles for this step's small images, which make fewer pairs.
+    fn ask(&mut self, state: &[u32], held: BufferCapacity, context: &Context, shapes: &[Fixed]) {
+        let most = self.extent.most(context, &shapes[0]);
+        self.room = BufferCapacity::asked(state, most);
+        if self.room.pairs <= most.pairs {
+            return;
         }
-        self.steps.iter_mut().for_each(|s| s.params.set_tiles(0, shapes[0].tile));
-        self.extent.area = area(0);
-        // It takes no fewer: a large tile holds so many small ones.
-        self.room.pairs = (self.room.pairs * smallest).div_ceil(area(0));
-        if let Some(last) = self.steps.last() {
-            self.last = last.params;
+        // The number asked for is the most of all frames; a later one, which drew what had not been trained, may have had more than this step.
+        if held.pairs >= most.pairs {
+            let of_last = self.done + 1 == self.steps.len();
+            let Some(step) = self.steps.get_mut(self.done).filter(|s| s.params.shape != 0) else { return };
+            step.params.set_tiles(0, shapes[0].tile);
+            self.extent.include(&step.params, shapes);
+            if of_last {
+                self.last = step.params;
+            }
         }
-        true
+        self.room.pairs = self.extent.most(context, &shapes[0]).pairs;
     }
 }
 
@@ -201,15 +205,9 @@ impl GpuDevice {
         self.begin_report(batch)
     }
 
-    /// Makes the room that a batch asks for, with fewer and larger tiles where there is none for small ones.
+    /// Makes the room that a batch asks for.
     pub(super) fn make_room(&mut self, batch: &mut Batch) -> Result<()> {
-        let reserve =
-            |memory: &mut Memory, batch: &Batch| memory.reserve(&self.context, &self.shapes[0], &batch.extent, batch.room);
-        let mut made = reserve(&mut self.memory, batch);
-        if made.is_err() && batch.take_usual_tiles(&self.shapes) {
-            made = reserve(&mut self.memory, batch);
-        }
-        made?;
+        self.memory.reserve(&self.context, &self.shapes[0], &batch.extent, batch.room)?;
         let held = self.memory.room;
         batch.steps.iter_mut().for_each(|p| p.params.set_room(held));
         Ok(())
@@ -232,7 +230,7 @@ impl GpuDevice {
         self.clock.settle(&self.context, state[STEPS] as usize)?;
         batch.done += state[STEPS] as usize;
         if state[FAILED] != 0 {
-            batch.room = BufferCapacity::asked(state, batch.extent.most(&self.context, &self.shapes[0]));
+            batch.ask(state, self.memory.room, &self.context, &self.shapes);
             self.clock.host.repeated += 1;
             return Ok(None);
         }
