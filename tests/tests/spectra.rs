@@ -41,6 +41,7 @@ fn one_pose_in_every_kind_on_both_grids() {
     bad("--bandwidth", "1", &["bandwidth", "1e9"]);
     bad("--transmitter", "east", &["east"]);
     bad("--towards", "7.4,1.95,1.6", &["--towards"]);
+    bad("--loading", "0.5", &["--loading", "mvdr"]);
     assert!(!out.exists());
 }
 

@@ -29,10 +29,10 @@ fn errors_of_one_run_become_intervals_of_another_and_tell_where_to_measure() {
         corf_ok(&[&all[..], quick].concat());
         run
     };
-    // Five of ten keyframes are held out: as many as an honest fit needs, and not those that are to be judged.
-    let half = "trajectory:parts=2,gap_keyframes=0,fold=1";
-    let [learnt, other] = ["1", "2"].map(|seed| reconstruct(&format!("half{seed}"), "corf-gs", half, seed));
-    let [judged, beside] = ["1", "2"].map(|seed| reconstruct(&format!("test{seed}"), "corf-gs", "test", seed));
+    // Five of ten keyframes are held out: as many as an honest fit needs; the other five are to be judged.
+    let [half, rest] = ["1", "2"].map(|fold| format!("trajectory:parts=2,gap_keyframes=0,fold={fold}"));
+    let [learnt, other] = ["1", "2"].map(|seed| reconstruct(&format!("half{seed}"), "corf-gs", &half, seed));
+    let [judged, beside] = ["1", "2"].map(|seed| reconstruct(&format!("rest{seed}"), "corf-gs", &rest, seed));
     let file = at("calibration.json");
     let file = text(&file);
     corf_ok(&["uncertainty", "fit", text(&learnt), "--out", file, "--ensemble", text(&other), "--device", "cpu"]);
@@ -51,8 +51,13 @@ fn errors_of_one_run_become_intervals_of_another_and_tell_where_to_measure() {
     for who in ["calibrated", "ensemble"] {
         let share = said[who]["coverage"].as_f64().unwrap();
         assert!((0.3..=1.0).contains(&share) && said[who]["half_width_db"].as_f64().unwrap() > 0.0, "{said}");
-        assert_eq!(said[who]["frames"].as_array().unwrap().len(), 2);
+        assert_eq!(said[who]["frames"].as_array().unwrap().len(), 5);
     }
+    // Without an ensemble its numbers are written as well.
+    let numbers = at("numbers.json");
+    corf_ok(&["uncertainty", "check", text(&judged), "--calibration", file, "--device", "cpu", "--out", text(&numbers)]);
+    let written: Value = serde_json::from_str(&fs::read_to_string(&numbers).unwrap()).unwrap();
+    assert!(written["calibrated"] == said["calibrated"] && written.get("ensemble").is_none(), "{written}");
     let svg = fs::read_to_string(&figure).unwrap();
     assert!(svg.matches("<image ").count() == 3 && svg.contains(">standard deviation</text>"), "{svg}");
 
@@ -81,13 +86,24 @@ fn errors_of_one_run_become_intervals_of_another_and_tell_where_to_measure() {
 
     // What would flatter itself, and what is of something else.
     let out = at("no.json");
+    let tested = reconstruct("tested", "corf-gs", "test", "1");
     corf_refuses(
-        &["uncertainty", "fit", text(&judged), "--out", text(&out), "--device", "cpu"],
+        &["uncertainty", "fit", text(&tested), "--out", text(&out), "--device", "cpu"],
         &["protocol \"test\"", "--protocol validation"],
     );
     corf_refuses(
         &["uncertainty", "check", text(&learnt), "--calibration", file, "--device", "cpu"],
-        &["the very keyframes", "--protocol test"],
+        &["5 of the 5 keyframes that this run holds out", "--protocol test"],
+    );
+    corf_refuses(
+        &["uncertainty", "check", text(&tested), "--calibration", file, "--device", "cpu"],
+        &["1 of the 2 keyframes that this run holds out"],
+    );
+    let far = at("far.csv");
+    fs::write(&far, "x_m,y_m,z_m,yaw_deg\n2.5,1.3,200,0\n").unwrap();
+    corf_refuses(
+        &["uncertainty", "next", text(&judged), "--calibration", file, "--poses", text(&far), "--device", "cpu"],
+        &["outside of the room", "leave these poses out"],
     );
     let few = reconstruct("few", "corf-gs", "validation", "1");
     corf_refuses(

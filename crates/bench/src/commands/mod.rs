@@ -190,3 +190,6 @@ pub(crate) fn findings(json: bool, findings: &[corf_scene::Finding]) -> Result<V
     show(json, &findings, &[text.join("\n"), verdict.to_owned()].join("\n"))?;
     Ok(if failed { Verdict::CheckFailed } else { Verdict::Done })
 }
+
+#[cfg(test)]
+mod tests;

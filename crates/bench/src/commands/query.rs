@@ -90,7 +90,8 @@ impl Query {
         let range = dataset.db_range().context(NO_RADIO)?;
         let (poses, frame) = file.in_world_of(dataset, self.poses_in)?;
         if !self.anywhere {
-            check_inside(&self.poses.display().to_string(), &poses, &room(run.predictor.as_ref(), dataset))?;
+            let room = room(run.predictor.as_ref(), dataset);
+            check_inside(&self.poses.display().to_string(), &poses, &room, "--anywhere answers nevertheless")?;
         }
         let aggregator = Aggregator::new(dataset.radio_camera(), range, dataset.header().quantity, self.tx_power);
         let begin = Instant::now();
@@ -204,7 +205,7 @@ fn csv(columns: &[Column]) -> String {
 }
 
 /// The box of the room: all keyframes, and what the field knows of it; of a field that has no places, as much again around the keyframes.
-fn room(predictor: &dyn Predictor, dataset: &Dataset) -> [DVec3; 2] {
+pub(super) fn room(predictor: &dyn Predictor, dataset: &Dataset) -> [DVec3; 2] {
     let places = || dataset.poses().iter().map(|pose| pose.world_from_camera.translation);
     let (least, most) = (places().fold(DVec3::INFINITY, DVec3::min), places().fold(DVec3::NEG_INFINITY, DVec3::max));
     match predictor.room_m() {
@@ -216,8 +217,8 @@ fn room(predictor: &dyn Predictor, dataset: &Dataset) -> [DVec3; 2] {
     }
 }
 
-/// Refuses poses outside of the room.
-fn check_inside(place: &str, poses: &[Rigid3], [least, most]: &[DVec3; 2]) -> Result<()> {
+/// Refuses poses outside of the room; `help` says what else can be done.
+pub(super) fn check_inside(place: &str, poses: &[Rigid3], [least, most]: &[DVec3; 2], help: &str) -> Result<()> {
     let is_outside = |pose: &Rigid3| pose.translation.cmplt(*least).any() || pose.translation.cmpgt(*most).any();
     let Some(first) = poses.iter().position(is_outside) else { return Ok(()) };
     let others = poses.iter().filter(|pose| is_outside(pose)).count() - 1;
@@ -227,7 +228,8 @@ fn check_inside(place: &str, poses: &[Rigid3], [least, most]: &[DVec3; 2]) -> Re
         "({:.2}, {:.2}, {:.2}) m is outside of the room{more}: what the field knows lies between ({:.2}, {:.2}, {:.2}) and ({:.2}, {:.2}, {:.2}) m",
         at.x, at.y, at.z, least.x, least.y, least.z, most.x, most.y, most.z
     );
-    let help = "positions are metres in the data set's world (--poses-in capture for those of an imported capture); --anywhere answers nevertheless";
+    let help =
+        format!("positions are metres in the data set's world (--poses-in capture for those of an imported capture); {help}");
     Err(Error::invalid(format!("{place}: pose {first}"), what, help).into())
 }
 
@@ -293,8 +295,8 @@ mod tests {
     #[test]
     fn a_place_outside_is_named_with_the_room() {
         let room = [DVec3::splat(-1.0), DVec3::splat(2.0)];
-        check_inside("p.csv", &[at(-1.0), at(2.0)], &room).unwrap();
-        let said = check_inside("p.csv", &[at(0.0), at(2.5), at(-7.0)], &room).unwrap_err().to_string();
+        check_inside("p.csv", &[at(-1.0), at(2.0)], &room, "").unwrap();
+        let said = check_inside("p.csv", &[at(0.0), at(2.5), at(-7.0)], &room, "--anywhere").unwrap_err().to_string();
         for part in ["p.csv: pose 1", "(2.50, 0.00, 0.00) m is outside", "and 1 other besides", "--anywhere"] {
             assert!(said.contains(part), "{part} in {said}");
         }

@@ -5,6 +5,7 @@ use super::{Verdict, show};
 use crate::charts::{self, ColourMap, Sensors};
 use crate::files::json;
 use crate::files::separation::{Reads, keep_apart};
+use crate::record::prediction_folder::write_views;
 use crate::render::poses::{self, PoseFile, PoseFrame};
 use crate::render::video::Video;
 use crate::run::claim_output;
@@ -35,16 +36,16 @@ pub struct Render {
     /// Frame that --poses is in, where the run's dataset was imported and turned, scaled or moved: that of the capture, whose poses are changed as
     /// the import did, or the dataset's world. Default: what the file says, which is `capture` for the file that was imported and `world` for files
     /// of the dataset; a file of which it cannot be known is refused.
-    #[arg(long, value_enum, requires = "poses")]
+    #[arg(long, value_enum, requires = "poses", conflicts_with = "orbit")]
     poses_in: Option<PoseFrame>,
     /// N poses on a circle instead: around the middle of the dataset's keyframes, at their mean height, looking inwards; or about --keyframe.
     #[arg(long, value_name = "N", conflicts_with = "poses", value_parser = clap::value_parser!(u64).range(1..=poses::MAX_ORBIT as u64))]
     orbit: Option<u64>,
     /// The circle is about this keyframe (its index in the dataset, from 0), in its image plane, and looks at what is in front of it.
-    #[arg(long, value_name = "K", requires = "orbit")]
+    #[arg(long, value_name = "K", requires = "orbit", conflicts_with = "poses")]
     keyframe: Option<usize>,
     /// Radius of the circle, metres (default: the median distance of the keyframes from their middle; about a keyframe 0.3).
-    #[arg(long, value_name = "M", requires = "orbit")]
+    #[arg(long, value_name = "M", requires = "orbit", conflicts_with = "poses")]
     radius: Option<f64>,
     /// Size of the images, pixels, instead of the dataset's; spectra keep theirs. The field of view stays, unless --fov gives another.
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
@@ -191,6 +192,7 @@ impl Render {
             );
         }
         json::write_json(&source_path, &source)?;
+        write_views(&self.out, &poses)?;
         let range = run.input.dataset.db_range();
         let own = Sensors::of(&run.input.dataset);
         let sensors = Sensors { light: camera.unwrap_or(own.light), ..own };

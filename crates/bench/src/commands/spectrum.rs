@@ -52,9 +52,9 @@ pub struct Spectrum {
     /// Pixels `WIDTHxHEIGHT`; without it 300x200, or 720x360 of the sphere.
     #[arg(long, value_parser = size)]
     size: Option<(usize, usize)>,
-    /// Full horizontal field of view of the pinhole camera, degrees.
-    #[arg(long, default_value_t = 90.0, allow_hyphen_values = true)]
-    fov_deg: f64,
+    /// Full horizontal field of view of the pinhole camera, degrees (default: 90).
+    #[arg(long, allow_hyphen_values = true)]
+    fov_deg: Option<f64>,
     /// One of the scene's `[transmitters]`, instead of its `[transmitter]`; may be repeated: the files of each then go into OUT/tx0, OUT/tx1 … in
     /// this order, all at one pose, for which --towards is needed.
     #[arg(long, value_name = "NAME")]
@@ -66,15 +66,15 @@ pub struct Spectrum {
     no_diffuse: bool,
     #[command(flatten)]
     scattering: ScatteringArgs,
-    /// Standard deviation of an mpc lobe, degrees per axis.
-    #[arg(long, default_value_t = 1.0, allow_hyphen_values = true)]
-    lobe_deg: f64,
+    /// Standard deviation of an mpc lobe, degrees per axis (default: 1).
+    #[arg(long, allow_hyphen_values = true)]
+    lobe_deg: Option<f64>,
     /// Bandwidth of the coherent kinds, Hz: delays are told apart to its inverse.
     #[arg(long, default_value_t = 1e9, allow_hyphen_values = true)]
     bandwidth: f64,
-    /// Diagonal loading of mvdr, in mean eigenvalues of the covariance: the less, the narrower its peaks.
-    #[arg(long, default_value_t = 0.1, allow_hyphen_values = true)]
-    loading: f64,
+    /// Diagonal loading of mvdr, in mean eigenvalues of the covariance: the less, the narrower its peaks (default: 0.1).
+    #[arg(long, allow_hyphen_values = true)]
+    loading: Option<f64>,
     /// Width of the pictures' range under each spectrum's peak, dB.
     #[arg(long, default_value_t = 70.0, allow_hyphen_values = true)]
     range_db: f64,
@@ -275,17 +275,27 @@ impl Spectrum {
 
     /// The options as a dataset's `[rf]` would have them.
     fn radio(&self) -> Result<SpectrumConfig> {
+        let has = |kind| self.kind.contains(&kind);
+        let idle = [
+            ("--fov-deg", self.fov_deg.is_some() && self.grid == GridKind::Sphere, "the sphere is seen whole"),
+            ("--lobe-deg", self.lobe_deg.is_some() && !has(Kind::Mpc), "it is of mpc"),
+            ("--loading", self.loading.is_some() && !has(Kind::Mvdr), "it is of mvdr"),
+        ];
+        for (flag, is_idle, why) in idle {
+            ensure!(!is_idle, "{flag}: it has no effect: {why}\n  help: leave it out");
+        }
         // The one that tells most apart says how finely is looked.
         let finest = self.kind.iter().find(|kind| **kind == Kind::Mpc).or(self.kind.first());
+        let usual = SpectrumConfig::default();
         let mut radio = SpectrumConfig {
             spectrum: finest.map_or_else(SpectrumKind::default, |kind| SpectrumKind::from(*kind)),
-            horizontal_fov_deg: self.fov_deg,
+            horizontal_fov_deg: self.fov_deg.unwrap_or(usual.horizontal_fov_deg),
             diffuse: !self.no_diffuse,
-            lobe_width_deg: self.lobe_deg,
+            lobe_width_deg: self.lobe_deg.unwrap_or(usual.lobe_width_deg),
             bandwidth_hz: self.bandwidth,
-            mvdr_loading: self.loading,
+            mvdr_loading: self.loading.unwrap_or(usual.mvdr_loading),
             dynamic_range_db: self.range_db,
-            ..SpectrumConfig::default()
+            ..usual
         };
         (radio.width, radio.height) = self.size.unwrap_or((radio.width, radio.height));
         path_args_over!(self.paths, radio);

@@ -1,6 +1,7 @@
 //! `corf uncertainty`: how far predicted decibels may be off, and where to measure next.
 
 use super::open_flags::OpenFlags;
+use super::query::{check_inside, room};
 use super::{Verdict, show};
 use crate::charts::{self, ColourMap, Sensors};
 use crate::device::Backend;
@@ -11,7 +12,7 @@ use crate::methods::interface::Predictor;
 use crate::metrics::input::Verify;
 use crate::render::poses::{PoseFile, PoseFrame};
 use crate::run::open::{self, OpenRun};
-use crate::split::Holdout;
+use crate::split::{Holdout, Split};
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
 use crate::uncertainty::{Calibration, Coverage, Examples, Judged, NOMINAL, TrainingKeyframes, Worth, next};
@@ -262,11 +263,6 @@ impl Check {
     fn run(self, json: bool) -> Result<Verdict> {
         let info = open::read_info(&self.of.run)?;
         let calibration = Calibration::read(&self.calibration, &info.method)?;
-        ensure!(
-            (&calibration.dataset_hash, calibration.protocol) != (&info.dataset_hash, info.protocol),
-            "{} was fitted on the very keyframes that this run holds out: of course it fits them\n  help: check a run that was made with --protocol test",
-            self.calibration.display()
-        );
         self.out.as_deref().map_or(Ok(()), |out| check_file("--out", out))?;
         if let Some(figure) = &self.figure {
             ensure!(
@@ -289,6 +285,17 @@ impl Check {
         }
         field.run.split.check_held_out()?;
         let held_out = &field.run.split.held_out;
+        if calibration.dataset_hash == info.dataset_hash {
+            let fitted = Split::of(&field.run.input.dataset, calibration.protocol)?.held_out;
+            let both = held_out.iter().filter(|k| fitted.contains(k)).count();
+            ensure!(
+                both == 0,
+                "{} was fitted on {both} of the {} that this run holds out: of course it fits them\n  help: check a run that was made with --protocol \
+                 test",
+                self.calibration.display(),
+                counted(held_out.len(), "keyframe")
+            );
+        }
         let shown = self.figure_keyframe.unwrap_or(held_out[held_out.len() / 2]);
         ensure!(
             held_out.contains(&shown),
@@ -320,7 +327,10 @@ impl Check {
             }
             None => None,
         };
-        let document = json!({ "run": self.of.run, "nominal": NOMINAL, "calibrated": own, "ensemble": ensemble });
+        let mut document = json!({ "run": self.of.run, "nominal": NOMINAL, "calibrated": own });
+        if let Some(ensemble) = ensemble {
+            document["ensemble"] = json!(ensemble);
+        }
         if let Some(out) = &self.out {
             write_numbers(out, &document)?;
         }
@@ -339,6 +349,8 @@ impl Next {
         let file = PoseFile::read(&self.poses)?;
         let mut field = self.of.open()?;
         let (way, _) = file.in_world_of(&field.run.input.dataset, self.poses_in)?;
+        let room = room(field.run.predictor.as_ref(), &field.run.input.dataset);
+        check_inside(&self.poses.display().to_string(), &way, &room, "leave these poses out")?;
         let predictor = field.run.predictor.as_mut();
         let mut progress = Progress::start("poses of the way", way.len(), "poses");
         let mut done = 0;

@@ -64,7 +64,7 @@ impl FolderPrior {
     /// Those of [`Self::file`]; a file that cannot be read; a map of another shape than the image, or without a value.
     pub fn read(&self, index: usize, image: (usize, usize)) -> Result<Dense> {
         let file = self.file(index)?;
-        let Map { values: map, stored } = io::read_map(&file)?;
+        let Map { values: map, stored } = io::read_map(&file, io::MapOf::Depth)?;
         let place = || format!("{}, keyframe {index}", file.display());
         let (width, height) = (map.width(), map.height());
         let ratio = (width * image.1) as f64 / (height * image.0) as f64;

@@ -140,7 +140,7 @@ fn light(path: &Path, plan: &Plan, index: usize, options: &CaptureOptions) -> Re
 /// A depth map in metres, 0 where there is none, as the data set's camera sees it.
 fn depth(path: &Path, plan: &Plan, index: usize, options: &CaptureOptions) -> Result<Raster<f32>> {
     let lens = &plan.shots[index].lens;
-    let map = io::read_map(path)?;
+    let map = io::read_map(path, io::MapOf::Depth)?;
     let size = (lens.pinhole.width, lens.pinhole.height);
     check_size(path, &map.values, size, "the image's camera", "give depth of the images' size")?;
     let depth = map.into_depth_m(options.depth_unit_m, &path.display().to_string(), "--depth-unit")?;

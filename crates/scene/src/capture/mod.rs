@@ -58,11 +58,13 @@ struct Capture {
     notes: Vec<String>,
 }
 
-/// Training and held-out shots by name.
+/// Training and held-out shots by name; of one list that is missing are all that no other names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Lists {
-    train: Vec<String>,
-    test: Vec<String>,
+    train: Option<Vec<String>>,
+    test: Option<Vec<String>>,
+    /// Those that are named for something else.
+    others: Vec<String>,
     /// The file that says so.
     place: String,
 }

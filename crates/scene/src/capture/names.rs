@@ -1,5 +1,6 @@
 //! Names of files: their order along a capture, and stems by which files of several folders belong together.
 
+use crate::contained::{self, Reach};
 use crate::{Error, Result};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -31,11 +32,13 @@ fn digits(text: &str) -> &str {
     &text[..text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len())]
 }
 
-/// The name without its ending, folders included: `left/00017.png` is `left/00017`.
+/// The name without its ending, folders included: `left/00017.png` is `left/00017`. What begins with a digit is no ending but part of a number, as in
+/// the names that are times: `1305031102.175304`.
 pub(super) fn stem(name: &str) -> &str {
     let begin = name.rfind('/').map_or(0, |i| i + 1);
+    let is_ending = |dot: &usize| name[begin + dot + 1..].starts_with(|c: char| c.is_ascii_alphabetic());
     // A dot at the beginning of a file's name begins no ending.
-    name[begin..].rfind('.').filter(|i| *i > 0).map_or(name, |i| &name[..begin + i])
+    name[begin..].rfind('.').filter(|dot| *dot > 0).filter(is_ending).map_or(name, |dot| &name[..begin + dot])
 }
 
 /// The last part of a stem: `left/00017` is `00017`.
@@ -78,6 +81,8 @@ fn owners<'a>(names: &[&'a str], key: impl Fn(&str) -> String) -> Owners<'a> {
     owners
 }
 
+const LINKS: &str = "put the file itself there";
+
 /// The files of a folder that have one of some endings, by stem.
 pub(super) struct Folder {
     dir: PathBuf,
@@ -111,7 +116,16 @@ impl Folder {
                     continue;
                 }
                 let ending = relative.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-                let (true, Some(true)) = (kind.is_file(), ending.map(|e| endings.contains(&e.as_str()))) else { continue };
+                if !ending.is_some_and(|e| endings.contains(&e.as_str())) {
+                    continue;
+                }
+                if kind.is_symlink() {
+                    // As an image of a capture may: it leads to a file of this folder, or nothing is read.
+                    let path = contained::resolve(dir, &relative, Reach::Folder, &dir.display().to_string(), LINKS)?;
+                    contained::check_regular(&path, &path.display().to_string())?;
+                } else if !kind.is_file() {
+                    continue;
+                }
                 let Some(name) = relative.to_str() else { continue };
                 let name = name.replace('\\', "/");
                 if let Some(other) = by_stem.insert(stem(&name).to_owned(), dir.join(&relative)) {
@@ -263,6 +277,36 @@ mod tests {
     }
 
     #[test]
+    fn names_that_are_times_have_files_of_their_own() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["5.25.exr", "5.5.exr", "5.exr"] {
+            std::fs::write(dir.path().join(name), "").unwrap();
+        }
+        let folder = Folder::list(dir.path(), &["exr"], "--rf").unwrap();
+        let path = |name: &str| dir.path().join(name);
+        assert_eq!(folder.of(&["5.25", "5.5.jpg"], "spectrum").unwrap(), [path("5.25.exr"), path("5.5.exr")]);
+        assert!(folder.of(&["5.75"], "spectrum").is_err(), "5.exr is not its file");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_within_the_folder_are_files_and_others_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let (inside, outside) = (dir.path().join("in"), dir.path().join("b.png"));
+        std::fs::create_dir(&inside).unwrap();
+        std::fs::write(inside.join("a.png"), "").unwrap();
+        std::fs::write(&outside, "").unwrap();
+        let list = || Folder::list(&inside, &["png"], "--masks").map(|folder| folder.len()).map_err(|e| e.to_string());
+        std::os::unix::fs::symlink("a.png", inside.join("c.png")).unwrap();
+        assert_eq!(list(), Ok(2));
+        std::os::unix::fs::symlink(&outside, inside.join("b.png")).unwrap();
+        assert!(list().unwrap_err().contains("symbolic link that leads out"));
+        std::fs::remove_file(inside.join("b.png")).unwrap();
+        std::os::unix::fs::symlink("gone.png", inside.join("b.png")).unwrap();
+        assert!(list().is_err());
+    }
+
+    #[test]
     fn tails_drop_folders_and_lead_nowhere_else() {
         let of = |name: &'static str| tails(name).collect::<Vec<_>>();
         assert_eq!(of("a/b/c.png"), ["a/b/c.png", "b/c.png", "c.png"]);
@@ -288,6 +332,10 @@ mod tests {
         assert_eq!(
             (stem("left/00017.png"), stem("a.b/c"), stem("x.tar.gz"), stem(".hidden")),
             ("left/00017", "a.b/c", "x.tar", ".hidden")
+        );
+        assert_eq!(
+            (stem("1305031102.175304"), stem("rgb/1305031102.175304.png")),
+            ("1305031102.175304", "rgb/1305031102.175304")
         );
         assert_eq!(last("left/00017"), "00017");
     }

@@ -2,7 +2,7 @@
 //!
 //! Intrinsics stand at the top or in every frame: `w h cx cy`, and of each axis a focal length, `fl_x fl_y` in pixels, or a full field of view,
 //! `camera_angle_x camera_angle_y` in radians (NeRF, Instant-NGP) or `x_fov y_fov` in degrees (Instant-NGP); distortion in OpenCV's terms, `k1 k2 k3
-//! p1 p2`. Each axis goes by its own: what the frame says comes before what the file says, and of each `x_fov` before `fl_x` before `camera_angle_x`,
+//! p1 p2`, or all at once as nerfstudio's `distortion_params`, which are k1, k2, k3, k4, p1, p2 and come before the others. Each axis goes by its own: what the frame says comes before what the file says, and of each `x_fov` before `fl_x` before `camera_angle_x`,
 //! as Instant-NGP reads them; an axis of which nothing is said has the other's focal length. `applied_transform` and `orientation_override` say how
 //! the file came about and how it is to be shown; matrices are taken as they are.
 
@@ -57,6 +57,11 @@ struct Camera {
     k4: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
+    distortion_params: Option<Vec<f64>>,
+    // Terms of larger models, which are not read.
+    k5: Option<f64>,
+    k6: Option<f64>,
+    skew: Option<f64>,
     is_fisheye: Option<bool>,
     // Instant-NGP's names of lenses that are no pinhole's.
     ftheta_p0: Option<f64>,
@@ -99,6 +104,8 @@ const SAME_FOCAL: f64 = 1e-3;
 const CONTRADICTION: &str = "a focal length and a field of view say different things, and x_fov comes before fl_x before camera_angle_x, as in Instant-NGP";
 const OVERRIDDEN: &str =
     "frames state other focal lengths than the file; the frames' were taken, where nerfstudio takes the file's";
+const OTHERWISE: &str =
+    "frames state another principal point or distortion than the file; the frames' were taken, where nerfstudio takes the file's";
 const HALF_OVERRIDDEN: &str =
     "frames state another focal length than the file along one axis alone; along the other the file's was taken";
 
@@ -107,6 +114,26 @@ const MODELS: [&str; 6] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL
 const HELP: &str = "files of a capture lie in its folder: copy them in, or give images with --images and depth with --depth";
 
 impl Camera {
+    /// The same with `distortion_params` written out as the numbers they are.
+    fn written_out(&self, place: &str) -> Result<Self> {
+        let Some(params) = &self.distortion_params else { return Ok(self.clone()) };
+        let &[k1, k2, k3, k4, p1, p2] = params.as_slice() else {
+            let what = format!("distortion_params has {}", counted(params.len(), "number"));
+            return Err(Error::invalid(place, what, "give six as nerfstudio reads them: k1, k2, k3, k4, p1, p2"));
+        };
+        let [k1, k2, k3, k4, p1, p2] = [k1, k2, k3, k4, p1, p2].map(Some);
+        Ok(Self { k1, k2, k3, k4, p1, p2, distortion_params: None, ..self.clone() })
+    }
+
+    /// What of principal point and distortion this place states and `all` states otherwise, if anything.
+    fn otherwise(&self, all: &Self) -> bool {
+        let values = |c: &Self| [c.cx, c.cy, c.k1, c.k2, c.k3, c.k4, c.p1, c.p2];
+        values(self)
+            .into_iter()
+            .zip(values(all))
+            .any(|pair| matches!(pair, (Some(a), Some(b)) if (a - b).abs() > SAME_FOCAL * a.abs().max(b.abs())))
+    }
+
     /// A frame's own values over those of all frames, but for the focal lengths, which go by axis.
     fn over(&self, all: &Self) -> Self {
         Self {
@@ -121,6 +148,9 @@ impl Camera {
             k4: self.k4.or(all.k4),
             p1: self.p1.or(all.p1),
             p2: self.p2.or(all.p2),
+            k5: self.k5.or(all.k5),
+            k6: self.k6.or(all.k6),
+            skew: self.skew.or(all.skew),
             is_fisheye: self.is_fisheye.or(all.is_fisheye),
             ftheta_p0: self.ftheta_p0.or(all.ftheta_p0),
             latlong: self.latlong.or(all.latlong),
@@ -172,7 +202,11 @@ impl Camera {
         words: &mut Words,
         size: impl Fn() -> Result<(usize, usize)>,
     ) -> Result<Lens> {
-        let own = self.over(all);
+        let (stated, of_all) = (self.written_out(place)?, all.written_out(place)?);
+        if stated.otherwise(&of_all) {
+            words.add(OTHERWISE, || name.to_owned());
+        }
+        let own = stated.over(&of_all);
         let model = own.camera_model.as_deref().unwrap_or("OPENCV");
         let other = [
             (own.is_fisheye == Some(true), "fisheye"),
@@ -185,12 +219,10 @@ impl Camera {
             let help = format!("these are read: {}; undistort the images first (`colmap image_undistorter`)", MODELS.join(", "));
             return Err(Error::invalid(place, format!("camera model {model} is not read"), help));
         }
-        if own.k4.is_some_and(|k| k != 0.0) {
-            return Err(Error::invalid(
-                place,
-                "it has a distortion k4",
-                "undistort the images first; k1, k2, k3, p1 and p2 are read",
-            ));
+        let terms = [("a distortion k4", own.k4), ("a distortion k5", own.k5), ("a distortion k6", own.k6), ("a skew", own.skew)];
+        if let Some((term, _)) = terms.iter().find(|(_, value)| value.is_some_and(|v| v != 0.0)) {
+            let help = "undistort the images first; k1, k2, k3, p1 and p2 are read";
+            return Err(Error::invalid(place, format!("it has {term}"), help));
         }
         let pixels = |side: Option<f64>, name: &str| match side {
             None => Ok(None),
@@ -253,6 +285,7 @@ impl Camera {
         if in_pixels {
             bounds::in_pixels(place, &lens.pinhole)?;
         }
+        bounds::centre_in_pixels(place, &lens.pinhole)?;
         Ok(lens)
     }
 }
@@ -360,14 +393,20 @@ pub(super) fn read(source: &Path, images: Option<&Path>, wanted: bool) -> Result
         });
     }
     shots.sort_by(|a, b| names::natural(&a.name, &b.name));
-    let lists = match (file.train_filenames, file.test_filenames.or(file.val_filenames)) {
-        (Some(train), Some(test)) => {
-            let plain = |list: Vec<String>| list.into_iter().map(|n| n.trim_start_matches("./").to_owned()).collect();
-            Some(Lists { train: plain(train), test: plain(test), place: path.display().to_string() })
-        }
+    let plain = |list: Option<Vec<String>>| -> Option<Vec<String>> {
+        Some(list?.into_iter().map(|n| n.replace('\\', "/").trim_start_matches("./").to_owned()).collect())
+    };
+    let (train, val, test) = (plain(file.train_filenames), plain(file.val_filenames), plain(file.test_filenames));
+    let (test, others) = if test.is_some() { (test, val.unwrap_or_default()) } else { (val, Vec::new()) };
+    let missing = match (&train, &test) {
+        (None, Some(_)) => Some("it lists what is held out and not what is trained with: all that it does not list is"),
+        (Some(_), None) => Some("it lists what is trained with and not what is held out: all that it does not list is"),
         _ => None,
     };
-    let notes = words.notes().chain(rounding.note()).chain(unread_masks(&shots)).collect();
+    let stated = train.is_some() || test.is_some();
+    let lists = stated.then(|| Lists { train, test, others, place: path.display().to_string() });
+    let missing = missing.map(|what| format!("{}: {what}", path.display()));
+    let notes = words.notes().chain(rounding.note()).chain(unread_masks(&shots)).chain(missing).collect();
     Ok(Capture { shots, points: Vec::new(), lists, spectra: None, sensor: None, files: vec![path], notes })
 }
 
@@ -406,7 +445,47 @@ mod tests {
         assert!(a.depth.as_ref().unwrap().ends_with("d/a.png") && a.mask.is_some() && b.depth.is_none());
         assert!(a.image.as_ref().unwrap().ends_with("a.png"), "an ending that was left out is found");
         let lists = capture.lists.unwrap();
-        assert_eq!((lists.train, lists.test), (vec!["b".to_owned()], vec!["a".to_owned()]));
+        assert_eq!((lists.train, lists.test), (Some(vec!["b".to_owned()]), Some(vec!["a".to_owned()])));
+    }
+
+    #[test]
+    fn distortion_may_be_stated_all_at_once_and_what_is_not_read_is_refused() {
+        let of = |more: &str, frame: &str| {
+            let json = format!(
+                r#"{{"w":20,"h":10,"fl_x":15,{more}"frames":[{{"file_path":"a.png",{frame}"transform_matrix":{MATRIX}}}]}}"#
+            );
+            parse(&json, true).map(|capture| (capture.shots[0].lens.radial, capture.shots[0].lens.tangential, capture.notes))
+        };
+        let (radial, tangential, notes) = of(r#""k1":0.5,"distortion_params":[-0.2,0.1,0,0,0.01,0.02],"#, "").unwrap();
+        assert_eq!((radial, tangential, notes.len()), ([-0.2, 0.1, 0.0], [0.01, 0.02], 0));
+        let (radial, _, notes) = of(r#""k1":-0.2,"#, r#""distortion_params":[-0.1,0,0,0,0,0],"#).unwrap();
+        assert!(radial[0] == -0.1 && notes[0].contains("another principal point or distortion"), "{notes:?}");
+        for (fault, word) in [
+            (r#""distortion_params":[0,0,0,0.1,0,0],"#, "k4"),
+            (r#""distortion_params":[0,0,0,0],"#, "4 numbers"),
+            (r#""k5":0.1,"#, "k5"),
+            (r#""skew":0.1,"#, "skew"),
+        ] {
+            let message = of(fault, "").unwrap_err().to_string();
+            assert!(message.contains(word), "{message}");
+        }
+    }
+
+    #[test]
+    fn lists_of_one_kind_leave_the_rest_to_the_other() {
+        let lists = |lists: &str| {
+            let frame = |name: &str| format!(r#"{{"file_path":"{name}","transform_matrix":{MATRIX}}}"#);
+            let frames = ["a.png", "b.png"].map(frame).join(",");
+            let capture = parse(&format!(r#"{{"w":20,"h":10,"fl_x":15,{lists}"frames":[{frames}]}}"#), false).unwrap();
+            (capture.lists, capture.notes)
+        };
+        let (found, notes) = lists(r#""test_filenames":["a.png"],"val_filenames":["b.png"],"#);
+        let found = found.unwrap();
+        assert_eq!((found.train, found.test, found.others), (None, Some(vec!["a.png".to_owned()]), vec!["b.png".to_owned()]));
+        assert!(notes[0].contains("not what is trained with"), "{notes:?}");
+        let (found, notes) = lists(r#""train_filenames":["a.png"],"#);
+        assert!(found.unwrap().test.is_none() && notes[0].contains("not what is held out"), "{notes:?}");
+        assert_eq!(lists(""), (None, Vec::new()));
     }
 
     #[test]

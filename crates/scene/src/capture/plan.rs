@@ -295,7 +295,7 @@ fn depths(options: &CaptureOptions, shots: &[Shot], light: bool, notes: &mut Vec
     if let Some(files) = &found {
         // What is wrong with one is known before anything is written.
         let look = |path: &PathBuf| {
-            let map = io::read_map(path)?;
+            let map = io::read_map(path, io::MapOf::Depth)?;
             let stored = map.stored;
             map.into_depth_m(options.depth_unit_m, &path.display().to_string(), "--depth-unit").map(|_| stored)
         };

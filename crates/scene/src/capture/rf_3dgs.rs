@@ -34,7 +34,12 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool, with_lists: bool)
         }
         Ok(io::read_text(path)?.lines().map(|l| l.trim().to_owned()).filter(|l| !l.is_empty()).collect())
     };
-    capture.lists = Some(Lists { train: read(&train)?, test: read(&test)?, place: test.display().to_string() });
+    capture.lists = Some(Lists {
+        train: Some(read(&train)?),
+        test: Some(read(&test)?),
+        others: Vec::new(),
+        place: test.display().to_string(),
+    });
     capture.files.extend([train, test]);
     Ok(capture)
 }

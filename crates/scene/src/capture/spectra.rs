@@ -217,7 +217,7 @@ impl Reading<'_> {
 
     /// Linear power of a file of numbers, and how it holds them.
     fn numbers(&self, path: &Path) -> Result<(Raster<f32>, Stored)> {
-        let map = io::read_map(path)?;
+        let map = io::read_map(path, io::MapOf::Power)?;
         let stored = map.stored;
         let linear = match self.values {
             RadioValues::Linear => map,

@@ -29,9 +29,17 @@ pub(super) fn of(rule: Option<&SplitRule>, lists: Option<&Lists>, shots: &[Shot]
             let test = indices(&lines, shots, &path.display().to_string(), true)?;
             StatedSplit { train: (0..shots.len()).filter(|i| !test.contains(i)).collect(), test: test.into_iter().collect() }
         }
-        (None, Some(Lists { train, test, place })) => {
-            let [train, test] = [train, test].map(|names| indices(names, shots, place, false));
-            let (train, test) = (train?, test?);
+        (None, Some(Lists { train, test, others, place })) => {
+            let named = |names: &Vec<String>| indices(names, shots, place, false);
+            let (train, test) = (train.as_ref().map(named).transpose()?, test.as_ref().map(named).transpose()?);
+            let others = named(others)?;
+            let rest = |named: &BTreeSet<usize>| (0..shots.len()).filter(|i| !named.contains(i) && !others.contains(i)).collect();
+            let (train, test) = match (train, test) {
+                (Some(train), Some(test)) => (train, test),
+                (Some(train), None) => (train.clone(), rest(&train)),
+                (None, Some(test)) => (rest(&test), test),
+                (None, None) => return Ok((usual, None)),
+            };
             if let Some(both) = train.intersection(&test).next() {
                 let what = format!("{} is held out and trained with", shots[*both].name);
                 return Err(Error::invalid(place, what, "mend the lists, or give --split"));
@@ -104,13 +112,27 @@ mod tests {
         assert_eq!(of(Some(&SplitRule::Listed(path.clone())), None, &digits).unwrap().1.unwrap().train, [0, 1]);
         let lists = |train: &[&str], test: &[&str]| {
             let own = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();
-            of(None, Some(&Lists { train: own(train), test: own(test), place: "test_index.txt".into() }), &digits)
+            let lists =
+                Lists { train: Some(own(train)), test: Some(own(test)), others: Vec::new(), place: "test_index.txt".into() };
+            of(None, Some(&lists), &digits)
         };
         // What is on neither list takes no part.
         let stated = lists(&["x"], &["z.png"]).unwrap().1.unwrap();
         assert_eq!((stated.train, stated.test), (vec![0], vec![2]));
         assert!(lists(&["x", "z"], &["z"]).unwrap_err().to_string().contains("z.png is held out and trained with"));
         assert!(lists(&["x"], &["1"]).is_err(), "lists of others hold stems alone");
+        // Of one list that is missing are all others.
+        let one = |train: Option<&str>, test: Option<&str>, others: &[&str]| {
+            let own = |name: &str| vec![name.to_owned()];
+            let others = others.iter().map(|n| (*n).to_owned()).collect();
+            let lists = Lists { train: train.map(own), test: test.map(own), others, place: "transforms.json".into() };
+            let stated = of(None, Some(&lists), &digits).unwrap().1;
+            stated.map(|stated| (stated.train, stated.test))
+        };
+        assert_eq!(one(None, Some("y"), &[]), Some((vec![0, 2], vec![1])));
+        assert_eq!(one(None, Some("y"), &["z"]), Some((vec![0], vec![1])));
+        assert_eq!(one(Some("y"), None, &[]), Some((vec![1], vec![0, 2])));
+        assert_eq!(one(None, None, &[]), None);
         assert!(of(Some(&SplitRule::Every(1)), None, &digits).is_err());
         assert_eq!(of(Some(&SplitRule::Every(3)), None, &digits).unwrap().0.test_every, 3);
     }

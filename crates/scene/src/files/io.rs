@@ -12,7 +12,7 @@ use crate::guard::guarded;
 use crate::{Error, Raster, Result};
 use exr::prelude as ex;
 pub use image_header::{MAX_EXR_BYTES, MAX_PIXELS};
-pub use map::{DEPTH_UNIT_M, Map, Stored, decode_map, read_map};
+pub use map::{DEPTH_UNIT_M, Map, MapOf, Stored, decode_map, read_map};
 pub use regular::{MAX_CONFIG_BYTES, open, read, read_at_most, read_config_text, read_text};
 use sha2::{Digest, Sha256};
 use std::io::{Cursor, Write};
@@ -325,7 +325,24 @@ fn decode_exr(bytes: &[u8], path: &Path) -> Result<(ex::Compression, (usize, usi
             .map_err(|e| corrupt(path, "EXR", e))
     };
     let image = guarded(pixels).map_err(|e| corrupt(path, "EXR", e))??;
-    let layer = image.layer_data;
+    let (window, layer) = (image.attributes.display_window, image.layer_data);
+    if (window.position, window.size) != (layer.attributes.layer_position, layer.size) {
+        let (at, size) = (layer.attributes.layer_position - window.position, layer.size);
+        let what = format!(
+            "it holds {}x{} pixels from ({}, {}) of a display window of {}x{}",
+            size.width(),
+            size.height(),
+            at.x(),
+            at.y(),
+            window.size.width(),
+            window.size.height()
+        );
+        return Err(Error::invalid(
+            path.display().to_string(),
+            what,
+            "write the whole picture: data window and display window alike",
+        ));
+    }
     let channels: Channels = layer.channel_data.list.into_iter().map(|c| (c.name.to_string(), c.sample_data)).collect();
     let (width, height) = (layer.size.width(), layer.size.height());
     if channels.iter().any(|(_, s)| s.len() != width * height) {

@@ -139,18 +139,34 @@ const LEAST_FOCAL_PX: f64 = 3.0;
 /// Shorter side from which on an image is none of a few pixels, of which everything is small.
 const WHOLE_IMAGE_PX: usize = 24;
 
-/// Refuses intrinsics that are written as shares of the image's size, as some programs do: both focal lengths would be of some pixel.
+/// Refuses a principal point that is written in shares of the image's size: both coordinates would be within the first pixel.
+///
+/// # Errors
+/// The principal point, at its place.
+pub fn centre_in_pixels(place: &str, camera: &Pinhole) -> Result<()> {
+    let Pinhole { width, height, cx, cy, .. } = *camera;
+    if !((0.0..=1.0).contains(&cx) && (0.0..=1.0).contains(&cy)) || width.min(height) < WHOLE_IMAGE_PX {
+        return Ok(());
+    }
+    let what =
+        format!("its principal point is ({cx}, {cy}) pixels where the image has {width}x{height}, the corner of the image");
+    Err(Error::invalid(place, what, IN_PIXELS))
+}
+
+const IN_PIXELS: &str = "intrinsics are in pixels: where they are shares of the image's size, multiply fx and cx by the width, fy and cy by the height";
+
+/// Refuses intrinsics that are written as shares of the image's size, as some programs do: both focal lengths would be of some pixel, or the
+/// principal point within the first.
 ///
 /// # Errors
 /// The focal lengths, at their place.
 pub fn in_pixels(place: &str, camera: &Pinhole) -> Result<()> {
     let Pinhole { width, height, fx, fy, .. } = *camera;
     if fx.max(fy) >= LEAST_FOCAL_PX || width.min(height) < WHOLE_IMAGE_PX {
-        return Ok(());
+        return centre_in_pixels(place, camera);
     }
     let what = format!("its focal lengths are {fx} and {fy} pixels where the image has {width}x{height}, which no camera has");
-    let help = "intrinsics are in pixels: where they are shares of the image's size, multiply fx and cx by the width, fy and cy by the height";
-    Err(Error::invalid(place, what, help))
+    Err(Error::invalid(place, what, IN_PIXELS))
 }
 
 /// Refuses work that would take more memory than is available; `what` names the work in the message, `reduce` says how to need less.
@@ -279,7 +295,10 @@ mod tests {
             let message = in_pixels("c", &camera(fx, fy, 640, 480)).unwrap_err().to_string();
             assert!(message.contains("640x480") && message.contains("multiply fx and cx by the width"), "{message}");
         }
-        for fine in [camera(500.0, 500.0, 640, 480), camera(2.0, 2.0, 4, 4), camera(3.0, 2.0, 24, 24)] {
+        let message = in_pixels("c", &camera(500.0, 500.0, 640, 480)).unwrap_err().to_string();
+        assert!(message.contains("principal point is (0.5, 0.5)"), "{message}");
+        let in_the_middle = |fx, fy, width, height| Pinhole { cx: 12.0, cy: 12.0, ..camera(fx, fy, width, height) };
+        for fine in [in_the_middle(500.0, 500.0, 640, 480), camera(2.0, 2.0, 4, 4), in_the_middle(3.0, 2.0, 24, 24)] {
             in_pixels("c", &fine).unwrap();
         }
     }

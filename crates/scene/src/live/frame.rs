@@ -101,7 +101,7 @@ impl LiveFrame {
 
         let Loaded { path, name, bytes } =
             files.take(SPECTRA, &["exr", "npy"], MAX_FILE_BYTES)?.ok_or_else(|| files.missing(SPECTRA, "exr"))?;
-        let map = io::decode_map(&bytes, path)?;
+        let map = io::decode_map(&bytes, path, io::MapOf::Power)?;
         sized(&name, &map.values, &description.radio_camera)?;
         let spectrum = power(map, &name, description)?;
 
@@ -191,7 +191,7 @@ fn power(map: Map, name: &str, description: &LiveDescription) -> Result<Raster<f
 }
 
 fn read_depth(Loaded { path, name, bytes }: &Loaded, description: &LiveDescription) -> Result<Raster<f32>> {
-    let map = io::decode_map(bytes, path)?;
+    let map = io::decode_map(bytes, path, io::MapOf::Depth)?;
     sized(name, &map.values, &description.light_camera)?;
     map.into_depth_m(description.depth_unit_m, name, "`depth_unit_m` in capture.toml")
 }

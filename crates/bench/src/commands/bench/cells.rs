@@ -81,13 +81,13 @@ pub struct Submit {
     local: Option<u16>,
     /// With --local: time after which no cell begins and those at work are ended, seconds. Cells with a checkpoint go on from it and others begin
     /// anew when the same command is given again; exit code 1 says that some are left.
-    #[arg(long, requires = "local", value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, requires = "local", conflicts_with = "slurm", value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..))]
     stop_after_s: Option<u64>,
     /// With --slurm: largest number of cells that run at once.
-    #[arg(long, requires = "slurm", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, requires = "slurm", conflicts_with = "local", value_parser = clap::value_parser!(u32).range(1..))]
     at_once: Option<u32>,
     /// With --slurm: an option of sbatch for the arrays, as in --sbatch=--partition=gpu; may be given several times.
-    #[arg(long, requires = "slurm", value_name = "OPTION", allow_hyphen_values = true)]
+    #[arg(long, requires = "slurm", conflicts_with = "local", value_name = "OPTION", allow_hyphen_values = true)]
     sbatch: Vec<String>,
     #[command(flatten)]
     verify: Verify,

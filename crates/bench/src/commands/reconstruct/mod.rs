@@ -46,10 +46,10 @@ pub struct Reconstruct {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["dataset", "resume", "checkpoint_every", "no_verify"])]
     follow: Option<PathBuf>,
     /// What happens to keyframes of --follow that come faster than they are taken: all wait, or the latest takes the place of those that wait.
-    #[arg(long, value_enum, default_value_t, requires = "follow")]
+    #[arg(long, value_enum, default_value_t, requires = "follow", conflicts_with_all = ["dataset", "resume", "checkpoint_every", "no_verify"])]
     when_behind: WhenBehind,
     /// End a run of --follow at the first keyframe that cannot be used, with exit code 2, instead of leaving it out.
-    #[arg(long, requires = "follow")]
+    #[arg(long, requires = "follow", conflicts_with_all = ["dataset", "resume", "checkpoint_every", "no_verify"])]
     strict: bool,
     /// Output folder of the run.
     #[arg(long)]
@@ -113,7 +113,7 @@ pub struct Reconstruct {
     #[arg(long, value_name = "FILE.svg", conflicts_with = "follow")]
     figure: Option<PathBuf>,
     /// Colours of spectra in the figure.
-    #[arg(long, value_enum, default_value_t, requires = "figure")]
+    #[arg(long, value_enum, default_value_t, requires = "figure", conflicts_with = "follow")]
     colours: ColourMap,
     #[command(flatten)]
     verify: Verify,

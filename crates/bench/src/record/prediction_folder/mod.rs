@@ -6,6 +6,7 @@
 //! DIR/linear/00017.exr|.npy   the spectrum in linear power, in the data set's quantity, for 1 W transmitted
 //! DIR/scalar/00017.png        or as grey on the data set's decibel range, 8 or 16 bit
 //! DIR/jet/00017.png           or in Jet colours on that range
+//! DIR/views.json              where `corf render` drew them from, which has to be where the keyframes are; may be left out
 //! ```
 //!
 //! Either `images/`, or a kind of spectrum, or both; a file a held-out keyframe, named by its stem in the data set or by its index. `jet/` may
@@ -14,10 +15,12 @@
 
 mod files;
 mod statement;
+mod views;
 mod writer;
 
 use corf_scene::words::{counted, verb};
 pub use statement::{Names, PredictionStatement};
+pub use views::{VIEWS, write_views};
 pub use writer::{PredictionWriter, stated_of};
 
 use crate::files::json::read_json;
@@ -101,6 +104,7 @@ impl PredictionFolder {
         let (place, statement) = (dir.join(STATEMENT), Self::stated(dir)?);
         statement.check(dataset, split.protocol, &place)?;
         let names = statement.names.unwrap_or_default();
+        views::check_views(dir, dataset, split, names)?;
         let files = |name: &str, endings: &[&str]| Files::list(dir, name, endings, names, dataset.len(), split);
         let images = files("images", &["png"])?;
         let (linear, scalar) = (files("linear", &["exr", "npy"])?, files("scalar", &["png"])?);
@@ -296,7 +300,7 @@ fn read_scalar(path: &Path, camera: &Pinhole) -> Result<Raster<f32>> {
 
 /// Linear power as a scalar on the data set's range.
 fn read_linear(path: &Path, camera: &Pinhole, range: &DbRange, tally: &mut Tally) -> Result<Raster<f32>> {
-    let map = io::read_map(path)?;
+    let map = io::read_map(path, io::MapOf::Power)?;
     let place = path.display().to_string();
     if let (Some(floor_db), Some(words)) = (map.stored.floor_db(), map.stored.words_of_power()) {
         ensure!(

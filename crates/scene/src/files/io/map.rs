@@ -41,23 +41,42 @@ pub struct Map {
     pub stored: Stored,
 }
 
-/// Reads a map of one number a pixel, as it is in the file: an EXR's channel `Z` or `Y` or its only one; a 16-bit grey PNG; or a `.npy` of floats or
+/// What a map is of: it decides which channel of an EXR is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MapOf {
+    /// Depths: channel `Z`, or `Y`, or the only one.
+    Depth,
+    /// Powers: channel `Y`, or the only one.
+    Power,
+}
+
+impl MapOf {
+    /// Channels of an EXR that may hold it beside others, the first before the second.
+    fn channels(self) -> &'static [&'static str] {
+        match self {
+            Self::Depth => &["Z", "Y"],
+            Self::Power => &["Y"],
+        }
+    }
+}
+
+/// Reads a map of one number a pixel, as it is in the file: an EXR's channel (see [`MapOf`]); a 16-bit grey PNG; or a `.npy` of floats or
 /// whole numbers in C order with two axes (rows, columns) or a third of length 1 at either end. The file's extension says which.
 ///
 /// # Errors
 /// Another extension; a file that cannot be read, is damaged, larger than [`super::MAX_PIXELS`], or holds more than one number a pixel.
-pub fn read_map(path: impl AsRef<Path>) -> Result<Map> {
-    decode_map(&read(path.as_ref())?, path)
+pub fn read_map(path: impl AsRef<Path>, of: MapOf) -> Result<Map> {
+    decode_map(&read(path.as_ref())?, path, of)
 }
 
 /// The map in a file's bytes, as [`read_map`] reads it; `path` says by its extension what they are, and names them in messages.
 ///
 /// # Errors
 /// Those of [`read_map`], but for the reading.
-pub fn decode_map(bytes: &[u8], path: impl AsRef<Path>) -> Result<Map> {
+pub fn decode_map(bytes: &[u8], path: impl AsRef<Path>, of: MapOf) -> Result<Map> {
     let path = path.as_ref();
     match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("exr") => exr(bytes, path),
+        Some("exr") => exr(bytes, path, of),
         Some("npy") => npy(bytes, path),
         Some("png") => png(bytes, path),
         _ => Err(Error::invalid(path.display().to_string(), "not named as a map is", "give an .exr, .npy or .png file")),
@@ -148,12 +167,13 @@ fn cut_by_dwa(channel: &str) -> bool {
     matches!(last.as_str(), "R" | "G" | "B" | "Y" | "RY" | "BY")
 }
 
-fn exr(bytes: &[u8], path: &Path) -> Result<Map> {
+fn exr(bytes: &[u8], path: &Path, of: MapOf) -> Result<Map> {
     let (compression, (width, height, channels)) = decode_exr(bytes, path)?;
-    let named = |name: &str| channels.iter().find(|(n, _)| n == name);
+    let named = |name: &&str| channels.iter().find(|(n, _)| n == name);
     let only = || channels.first().filter(|_| channels.len() == 1);
-    let Some((name, samples)) = named("Z").or_else(|| named("Y")).or_else(only) else {
-        return Err(wrong_channels(path, &channels, "a channel Z or Y, or a single one"));
+    let Some((name, samples)) = of.channels().iter().find_map(named).or_else(only) else {
+        let wanted = format!("a channel {}, or a single one", of.channels().join(" or "));
+        return Err(wrong_channels(path, &channels, &wanted));
     };
     let stored = match (samples, compression) {
         (FlatSamples::U32(_), _) => Stored::Whole,
@@ -225,7 +245,7 @@ mod tests {
             (write("whole.npy", Array::new("x", &[3, 5], whole).to_npy()), Stored::Whole),
             (write("grey.png", encode_png16(&map.map(|v| *v as u16)).unwrap()), Stored::Picture),
         ] {
-            assert_eq!(read_map(&path).unwrap(), Map { values: map.clone(), stored }, "{}", path.display());
+            assert_eq!(read_map(&path, MapOf::Power).unwrap(), Map { values: map.clone(), stored }, "{}", path.display());
         }
         let rgb = write("rgb.png", encode_png(&Raster::filled(5, 3, [0; 3])).unwrap());
         for (path, word) in [
@@ -235,9 +255,34 @@ mod tests {
             (write("a.tiff", vec![]), ".exr"),
             (dir.path().join("absent.exr"), "absent.exr"),
         ] {
-            let error = read_map(&path).unwrap_err().to_string();
+            let error = read_map(&path, MapOf::Depth).unwrap_err().to_string();
             assert!(error.contains(word), "{error}");
         }
+    }
+
+    #[test]
+    fn a_channel_is_taken_by_what_the_map_is_of_and_a_picture_as_a_whole() {
+        use exr::prelude::*;
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("x.exr");
+        let write = |names: &[&str], moved: i32| {
+            let channel = |(i, name): (usize, &&str)| AnyChannel::new(*name, FlatSamples::F32(vec![i as f32 + 1.0; 6]));
+            let channels = AnyChannels::sort(names.iter().enumerate().map(channel).collect());
+            let attributes = LayerAttributes::default().with_position(Vec2(moved, 0));
+            let layer = Layer::new((3, 2), attributes, Encoding::default(), channels);
+            let display = IntegerBounds::from_dimensions((3, 2));
+            Image::new(ImageAttributes::new(display), layer).write().to_file(&path).unwrap();
+        };
+        let read = |of| read_map(&path, of).map(|map| map.values.pixels()[0]).map_err(|e| e.to_string());
+        write(&["Y", "Z"], 0);
+        assert_eq!((read(MapOf::Power), read(MapOf::Depth)), (Ok(1.0), Ok(2.0)));
+        write(&["B", "G", "R", "Z"], 0);
+        assert_eq!(read(MapOf::Depth), Ok(4.0));
+        assert!(read(MapOf::Power).unwrap_err().contains("a channel Y, or a single one"));
+        write(&["Z"], 0);
+        assert_eq!(read(MapOf::Power), Ok(1.0), "a single one");
+        write(&["Y"], 1);
+        assert!(read(MapOf::Power).unwrap_err().contains("display window"));
     }
 
     #[test]
@@ -254,7 +299,7 @@ mod tests {
             let encoding = Encoding { compression, ..Encoding::default() };
             let channels = AnyChannels::sort([AnyChannel::new(name, samples)].into_iter().collect());
             Image::from_layer(Layer::new((2, 2), LayerAttributes::default(), encoding, channels)).write().to_file(&path).unwrap();
-            read_map(&path).unwrap()
+            read_map(&path, MapOf::Power).unwrap()
         };
         let map = write("Y", true, Compression::ZIP16);
         assert_eq!((map.stored, map.values.pixels()[0]), (Stored::Half, 0.0), "1e-12 is nothing in half precision");

@@ -92,7 +92,11 @@ fn up_to(path: &Path, file: File, most_bytes: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-fn text(path: &Path, bytes: Vec<u8>) -> Result<String> {
+/// The text of a file, without the byte order mark that some programs put in front.
+fn text(path: &Path, mut bytes: Vec<u8>) -> Result<String> {
+    if bytes.starts_with("\u{feff}".as_bytes()) {
+        bytes.drain(.."\u{feff}".len());
+    }
     String::from_utf8(bytes).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
         Error::invalid(
