@@ -325,3 +325,33 @@ fn predictions_stand_in_a_comparison_beside_methods() {
     let swapped = run(&["--resume"]);
     assert!(String::from_utf8_lossy(&swapped.stderr).contains("stated to be of seed 1, and stands for seed 2"));
 }
+
+#[test]
+fn views_that_were_drawn_elsewhere_than_the_keyframes_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let run = at("run");
+    corf_ok(&["reconstruct", text(tiny_dataset()), "--method", "nearest", "--out", text(&run), "--device", "cpu", "--no-verify"]);
+    let render = |poses: &Path, out: &Path| {
+        corf_ok(&["render", text(&run), "--poses", text(poses), "--out", text(out), "--device", "cpu"]);
+    };
+    render(&tiny_dataset().join("trajectory.json"), &at("views"));
+    let (scored, _) = score(&at("views"));
+    corf_ok(&["evaluate", text(&run), "--no-verify", "--device", "cpu"]);
+    let own = json(&run.join("metrics.json"));
+    // Pictures of 8 bits are what differs.
+    assert!((mean(&scored, "psnr_rf_jet").unwrap() - mean(&own, "psnr_rf_jet").unwrap()).abs() < 0.05, "{scored}");
+    // The same poses the other way round: a file's order is its writer's.
+    let mut poses: Vec<[[f64; 4]; 4]> = serde_json::from_slice(&fs::read(at("views/views.json")).unwrap()).unwrap();
+    assert_eq!(poses.len(), 10);
+    poses.reverse();
+    fs::write(at("back.json"), serde_json::to_string(&poses).unwrap()).unwrap();
+    render(&at("back.json"), &at("back"));
+    refused(&at("back"), &["view 00001 was drawn", "off keyframe 0", "trajectory.json"]);
+    // A shift of half a millimetre is rounding.
+    poses.reverse();
+    poses.iter_mut().for_each(|rows| rows[0][3] += 5e-4);
+    fs::write(at("near.json"), serde_json::to_string(&poses).unwrap()).unwrap();
+    render(&at("near.json"), &at("near"));
+    score(&at("near"));
+}
