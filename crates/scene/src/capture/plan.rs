@@ -119,6 +119,7 @@ impl Plan {
         transparency(options, &shots, &mut notes)?;
         let sources = sources(options, &files, &shots, radio.as_ref(), depths.as_deref(), &masks)?;
         let (split, stated_split) = split::of(options.split.as_ref(), lists.as_ref(), &shots)?;
+        let times = times(&shots, &mut notes);
         let world = WorldFromCapture::new(options.up, options.metres_per_unit, options.offset, &shots)?;
         for shot in &mut shots {
             shot.world_from_camera = world.pose(&shot.world_from_camera, &format!("image {}", shot.name))?;
@@ -161,7 +162,7 @@ impl Plan {
             spectrum: sensor.1.spectrum,
             split,
             stated_split,
-            poses: poses(&shots),
+            poses: poses(&shots, times.as_deref()),
             ..DatasetHeader::of_capture(name(options), modalities, [light_camera, radio_camera], levels, imported)
         };
         let points = points.iter().map(|p| ColoredPoint { position: world.point(p.position), ..*p }).collect();
@@ -176,13 +177,29 @@ fn name(options: &CaptureOptions) -> String {
     options.name.clone().or_else(folder).unwrap_or_else(|| "capture".into())
 }
 
-/// Poses in order. Times are the capture's where it has one for every shot and they rise, otherwise the index.
-fn poses(shots: &[Shot]) -> Vec<TrajectoryPose> {
-    let times: Option<Vec<f64>> = shots.iter().map(|s| s.time_s).collect();
-    let times = times.filter(|t| t.is_sorted());
+/// What only some shots have, and is therefore left out, in words; nothing where all or none have it.
+fn of_some(what: &str, count: usize, shots: usize) -> Option<String> {
+    let some = (1..shots).contains(&count);
+    some.then(|| format!("{what} of {count} of {} was left out: the others have none", counted(shots, "image")))
+}
+
+/// Times of the shots where each has one and they rise.
+fn times(shots: &[Shot], notes: &mut Vec<String>) -> Option<Vec<f64>> {
+    let stated: Vec<f64> = shots.iter().filter_map(|s| s.time_s).collect();
+    notes.extend(of_some("the time", stated.len(), shots.len()));
+    let of_all = Some(stated).filter(|t| t.len() == shots.len())?;
+    if !of_all.is_sorted() {
+        notes.push("times were left out: they do not rise in the order of the images' names".into());
+        return None;
+    }
+    Some(of_all)
+}
+
+/// Poses in order, at these times or numbered.
+fn poses(shots: &[Shot], times: Option<&[f64]>) -> Vec<TrajectoryPose> {
     let pose = |(index, shot): (usize, &Shot)| TrajectoryPose {
         index,
-        time_s: times.as_ref().map_or(index as f64, |t| t[index]),
+        time_s: times.map_or(index as f64, |t| t[index]),
         world_from_camera: shot.world_from_camera,
     };
     shots.iter().enumerate().map(pose).collect()
@@ -285,7 +302,10 @@ fn depths(options: &CaptureOptions, shots: &[Shot], light: bool, notes: &mut Vec
             let what = "depth maps are of images, and none are imported";
             return Err(Error::invalid(folder.display().to_string(), what, "leave --depth out"));
         }
-        None if light => shots.iter().map(|s| s.depth.clone()).collect(),
+        None if light => {
+            notes.extend(of_some("depth", shots.iter().filter(|s| s.depth.is_some()).count(), shots.len()));
+            shots.iter().map(|s| s.depth.clone()).collect()
+        }
         None => None,
     };
     if found.is_none() && options.depth_unit_m.is_some() {
@@ -426,4 +446,37 @@ fn sources(
         }
     };
     all.into_par_iter().map(|path| Ok((label(path), io::sha256_hex(&io::read(path)?)))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Rigid3;
+
+    #[test]
+    fn what_only_some_have_is_said() {
+        assert_eq!(of_some("depth", 0, 4), None);
+        assert_eq!(of_some("depth", 4, 4), None);
+        assert_eq!(of_some("depth", 3, 4).unwrap(), "depth of 3 of 4 images was left out: the others have none");
+        let lens = Lens::plain(Pinhole::from_horizontal_fov(8, 8, 90.0));
+        let shot = |time_s: &Option<f64>| Shot {
+            name: "a".into(),
+            image: None,
+            lens,
+            world_from_camera: Rigid3::IDENTITY,
+            depth: None,
+            mask: None,
+            time_s: *time_s,
+        };
+        let of = |stated: &[Option<f64>]| {
+            let (shots, mut notes): (Vec<Shot>, _) = (stated.iter().map(shot).collect(), Vec::new());
+            (times(&shots, &mut notes), notes.join(" "))
+        };
+        assert_eq!(of(&[Some(1.0), Some(2.5)]), (Some(vec![1.0, 2.5]), String::new()));
+        assert_eq!(of(&[None, None]), (None, String::new()));
+        for (stated, word) in [([Some(1.0), None], "the time of 1 of 2 images"), ([Some(2.0), Some(1.0)], "do not rise")] {
+            let (times, notes) = of(&stated);
+            assert!(times.is_none() && notes.contains(word), "{notes}");
+        }
+    }
 }
