@@ -148,7 +148,8 @@ fn a_step_that_has_no_room_with_small_tiles_takes_larger_ones() {
     let sparse = |device: &mut GpuDevice, step: Step, portion: usize| {
         [step; 3].chunks(portion).try_for_each(|some| device.train(some).map(drop))
     };
-    let ways: [(&dyn Fn(&mut GpuDevice, usize) -> Result<()>, u64); 3] = [
+    type Way<'a> = &'a dyn Fn(&mut GpuDevice, usize) -> Result<()>;
+    let ways: [(Way<'_>, u64); 3] = [
         (&|device, portion| sparse(device, radio, portion), 32),
         (&|device, portion| sparse(device, step(), portion), 40),
         (&|device, portion| [dense; 3].chunks(portion).try_for_each(|some| device.train_dense(some).map(drop)), 32),
