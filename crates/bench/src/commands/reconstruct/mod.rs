@@ -35,6 +35,9 @@ use corf_scene::io::write_atomic;
 use corf_scene::words::counted;
 use std::path::{Path, PathBuf};
 
+/// What means nothing beside --follow; clap asks for it also at the flags that require it.
+const NOT_WITH_FOLLOW: [&str; 4] = ["dataset", "resume", "checkpoint_every", "no_verify"];
+
 /// `corf reconstruct`.
 #[derive(Args)]
 pub struct Reconstruct {
@@ -43,13 +46,13 @@ pub struct Reconstruct {
     dataset: Option<PathBuf>,
     /// Take keyframes from this live folder as they land (docs/live.md), instead of a dataset, until it says `end` or Ctrl-C; corf-gs methods. The
     /// same command goes on with a run that did not come to its end.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["dataset", "resume", "checkpoint_every", "no_verify"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = NOT_WITH_FOLLOW)]
     follow: Option<PathBuf>,
     /// What happens to keyframes of --follow that come faster than they are taken: all wait, or the latest takes the place of those that wait.
-    #[arg(long, value_enum, default_value_t, requires = "follow", conflicts_with_all = ["dataset", "resume", "checkpoint_every", "no_verify"])]
+    #[arg(long, value_enum, default_value_t, requires = "follow", conflicts_with_all = NOT_WITH_FOLLOW)]
     when_behind: WhenBehind,
     /// End a run of --follow at the first keyframe that cannot be used, with exit code 2, instead of leaving it out.
-    #[arg(long, requires = "follow", conflicts_with_all = ["dataset", "resume", "checkpoint_every", "no_verify"])]
+    #[arg(long, requires = "follow", conflicts_with_all = NOT_WITH_FOLLOW)]
     strict: bool,
     /// Output folder of the run.
     #[arg(long)]

@@ -20,7 +20,7 @@ mod writer;
 
 use corf_scene::words::{counted, verb};
 pub use statement::{Names, PredictionStatement};
-pub use views::{VIEWS, write_views};
+pub use views::write_views;
 pub use writer::{PredictionWriter, stated_of};
 
 use crate::files::json::read_json;

@@ -10,7 +10,7 @@ use glam::DQuat;
 use std::path::Path;
 
 /// Name of the file: `world_from_camera` of each view in the data set's world, 4×4 by rows, in the order of their numbers.
-pub const VIEWS: &str = "views.json";
+const VIEWS: &str = "views.json";
 
 /// How far a view may be off its keyframe, metres, and radians of turn: files that people write have four digits.
 const TOLERANCE: [f64; 2] = [1e-3, 1e-3];
